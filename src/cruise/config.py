@@ -1,0 +1,154 @@
+"""What a race and a training run are made of, as plain frozen data. Knows nothing of JAX."""
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+Vec3 = tuple[float, float, float]
+Integrator = Literal["euler", "semi_implicit", "rk4"]
+ObservationKind = Literal["extended", "paper"]
+SelfPlayMode = Literal["within", "after", "off"]
+
+
+@dataclass(frozen=True)
+class CascadeGains:
+    """Gains of the paper's cascaded controller (Sec. 3.1.2), equal on every axis."""
+
+    velocity_p: float = 0.42  # K_v [1/s]
+    velocity_d: float = 2.0  # K_vd, on e_t - e_{t-1}, not divided by dt [1/s]
+    position_p: float = 5.0  # K_p,pos [-]
+    position_d: float = 0.05  # K_d,pos [1/s]
+    attitude_p: float = 0.1  # K_p,att [N m/rad]
+    attitude_d: float = 0.05  # K_d,att [N m s/rad]
+
+
+@dataclass(frozen=True)
+class Vehicle:
+    """A quadrotor and the loop that flies it.
+
+    The controller reads one action every `control_dt` and holds its wrench while the rigid body is integrated
+    in `substeps` equal steps.
+    """
+
+    name: str = "paper"
+    mass: float = 1.0  # [kg]
+    inertia: Vec3 = (0.005, 0.005, 0.009)  # principal moments [kg m^2]
+    gravity: float = 9.81  # [m/s^2]
+    controller: CascadeGains = field(default_factory=CascadeGains)
+    control_dt: float = 0.1  # [s]
+    integrator: Integrator = "euler"
+    substeps: int = 1
+    collision_distance: float = 0.25  # two drones nearer than this have collided [m]
+    source: str = "CRUISE paper and its repository"
+
+
+@dataclass(frozen=True)
+class Gate:
+    """A rectangular opening that is crossed along its normal `(cos yaw, sin yaw, 0)`."""
+
+    position_w: Vec3  # centre of the opening [m]
+    yaw: float  # heading of the normal, the direction of flight [rad]
+    width: float = 2.0  # of the opening [m]
+    height: float = 2.0  # of the opening [m]
+
+
+@dataclass(frozen=True)
+class Track:
+    """Gates in the order they are flown, repeated every lap."""
+
+    name: str
+    gates: tuple[Gate, ...]
+    bounds_low: Vec3  # lowest corner of the box a drone may fly in [m]
+    bounds_high: Vec3  # highest corner [m]
+    laps: int = 3
+    frame_width: float = 0.3  # solid border around every opening [m]
+    leave_distance: float = 10.0  # farther than this from every gate has left the track [m]
+
+
+@dataclass(frozen=True)
+class Stage:
+    """Theta_k, one row of the paper's curriculum table."""
+
+    name: str
+    steps: int  # N_k, environment steps of the active drone
+    v_min: float  # reference speed [m/s]
+    agility: float  # alpha, scale of the action [m/s^2]
+    collision_penalty: bool  # c_enable
+    w_coll: float
+    gate_tolerance: float  # margin around the opening in which a crossing still counts [m]
+    w_over: float
+    terminal_collisions: bool
+
+
+@dataclass(frozen=True)
+class RewardWeights:
+    """Weights of the reward's components that do not change with the stage.
+
+    The first eight are the paper's; the others are zero there. `docs/reward.md` justifies the default.
+    """
+
+    w_prox: float = 0.0
+    proximity_decay: float = 2.0  # a
+    proximity_range: float = 10.0  # x = distance / range [m]
+    w_prog: float = 0.7
+    progress_scale: float = 2.5  # beta [1/m]
+    w_align: float = 0.05
+    w_speed: float = 0.01
+    overtake_sign: Literal["fixed", "paper"] = "fixed"
+    overtake_range: float = 3.0  # overtaking counts against opponents nearer than this [m]
+    gate_bonus: float = 1.0  # reward of the step that passes a gate, in place of the sum
+    w_edge: float = 2.0  # per metre that a crossing lies outside the opening shrunk by `edge_margin`
+    edge_margin: float = 0.3  # [m]
+    w_near: float = 0.5  # per metre that the nearest opponent is closer than `near_distance`
+    near_distance: float = 1.2  # [m]
+    clip: float = 1.0  # each step's sum is clipped to [-clip, clip]
+    terminal: float = -5.0  # reward of the step that ends an episode, outside the clip
+
+
+@dataclass(frozen=True)
+class PPOConfig:
+    """Proximal policy optimisation."""
+
+    races: int = 1024  # E, simulated in parallel
+    rollout_steps: int = 64  # T, per update
+    epochs: int = 4
+    minibatches: int = 8
+    learning_rate: float = 1e-3
+    final_learning_rate: float = 1e-4  # reached linearly at the end of the run
+    gamma: float = 0.99
+    gae_lambda: float = 0.95
+    clip_ratio: float = 0.2
+    value_weight: float = 0.5
+    entropy_weight: float = 0.0
+    max_grad_norm: float = 0.5
+    hidden: tuple[int, ...] = (64, 64)
+    initial_log_std: float = -0.5
+
+
+@dataclass(frozen=True)
+class SelfPlayConfig:
+    """Iterative self-play (Algorithm 1)."""
+
+    mode: SelfPlayMode = "within"
+    evaluate_every: int = 500_000  # T_eval, environment steps
+    win_threshold: float = 0.6  # tau
+    races: int = 100  # n_eval
+    race_steps: int = 300  # length of an evaluation episode, in control steps
+
+
+@dataclass(frozen=True)
+class TrainConfig:
+    """Everything a training run depends on."""
+
+    track: str = "ring"  # name of a built-in track, or path of a TOML file
+    drones: int = 4
+    seed: int = 0
+    vehicle: str = "paper"
+    observation: ObservationKind = "extended"
+    vanilla: bool = False  # train on the last stage alone, from scratch, for as many steps
+    step_scale: float = 1.0  # multiplies every stage's budget
+    episode_steps: int = 600  # time limit of a training episode, in control steps
+    collision_distance: float = 0.5  # two drones nearer than this collide while training [m]
+    checkpoint_seconds: float = 30.0
+    reward: RewardWeights = field(default_factory=RewardWeights)
+    ppo: PPOConfig = field(default_factory=PPOConfig)
+    self_play: SelfPlayConfig = field(default_factory=SelfPlayConfig)

@@ -1,0 +1,66 @@
+"""The paper's vehicle: a desired acceleration, through a cascade of PD laws, to thrust and torque."""
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from cruise.config import Vehicle
+from cruise.dynamics.integrators import make_integrator
+from cruise.dynamics.rigid_body import Wrench, make_derivative
+from cruise.dynamics.types import Dynamics, DroneState, RigidBody
+
+ACTION_SIZE = 3
+
+
+def velocity_error(action: Float[Array, "3 *B"], agility: Array, control_dt: float) -> Float[Array, "3 *B"]:
+    """e_v = v_desired - v, with v_desired = v + agility clip(action, -1, 1) dt (the paper's action equation)."""
+    return agility * jnp.clip(action, -1.0, 1.0) * control_dt
+
+
+def commanded_acceleration(
+    vehicle: Vehicle, error: Array, previous_error: Array, velocity_w: Array
+) -> Float[Array, "3 *B"]:
+    """a_cmd = K_p,pos (K_v e + K_vd (e - e_previous)) - K_d,pos v [m/s^2].
+
+    The difference is not divided by dt: so the repository's gains were tuned.
+    """
+    gains = vehicle.controller
+    desired = gains.velocity_p * error + gains.velocity_d * (error - previous_error)
+    return gains.position_p * desired - gains.position_d * velocity_w
+
+
+def wrench_from_acceleration(vehicle: Vehicle, command: Float[Array, "3 *B"], body: RigidBody) -> Wrench:
+    """Thrust for the command's vertical part, torque towards the roll and pitch that give its lateral part.
+
+    The paper prints T = m (g + a_z) without a bound; here T >= 0, because a rotor cannot pull down.
+    """
+    gains, g = vehicle.controller, vehicle.gravity
+    thrust = jnp.maximum(vehicle.mass * (g + command[2]), 0.0)
+    desired = jnp.stack([-command[1] / g, command[0] / g, jnp.zeros_like(thrust)])
+    torque = gains.attitude_p * (desired - body.euler) - gains.attitude_d * body.angular_velocity_b
+    return Wrench(thrust, torque)
+
+
+def make_cascade(vehicle: Vehicle) -> Dynamics:
+    """The vehicle as pure functions. Its memory is the velocity error of the step before."""
+    integrate = make_integrator(vehicle.integrator, make_derivative(vehicle), vehicle.control_dt, vehicle.substeps)
+    largest_error = vehicle.control_dt  # times agility; scales the memory for observations
+
+    def init(position_w: Array, heading: Array) -> DroneState:
+        del heading  # the mapping to roll and pitch holds at yaw 0, where the attitude loop keeps the drone
+        zero = jnp.zeros_like(position_w)
+        return DroneState(RigidBody(position_w, zero, zero, zero), memory=zero)
+
+    def step(state: DroneState, action: Array, agility: Array) -> DroneState:
+        body = state.body
+        error = velocity_error(action, agility, vehicle.control_dt)
+        command = commanded_acceleration(vehicle, error, state.memory, body.velocity_w)
+        body = integrate(body, wrench_from_acceleration(vehicle, command, body))
+        x, y, z = body.position_w
+        on_or_above_ground = jnp.stack([x, y, jnp.maximum(z, 0.0)])
+        return DroneState(body._replace(position_w=on_or_above_ground), memory=error)
+
+    def proprioception(state: DroneState) -> Array:
+        body = state.body
+        return jnp.concatenate([body.euler, body.angular_velocity_b / 3.0, state.memory / largest_error])
+
+    return Dynamics(ACTION_SIZE, vehicle.control_dt, init, step, lambda state: state.body.euler, proprioception)
