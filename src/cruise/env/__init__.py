@@ -1,0 +1,1 @@
+"""The racing environment as a learning problem."""

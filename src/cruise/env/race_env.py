@@ -1,0 +1,115 @@
+"""The environment: pure functions that start, step and observe a race, or any batch of races."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from cruise.config import ObservationKind, RewardWeights, Track, Vehicle
+from cruise.dynamics import Dynamics, make_dynamics
+from cruise.env.observation import OBSERVATIONS
+from cruise.env.reward import Motion, reward_components, total_reward
+from cruise.env.types import Collisions, RaceState, Rules, StepOutcome
+from cruise.racing.contacts import nearest_opponent, on_ground, out_of_bounds
+from cruise.racing.course import Course, make_course, pick
+from cruise.racing.gates import cross_gates
+from cruise.racing.grid import Start, start_grid
+from cruise.vector import once
+
+FLIP_ANGLE = jnp.pi / 2
+
+
+class RaceEnv(NamedTuple):
+    """Static choices of a race and the functions built from them."""
+
+    num_drones: int
+    course: Course
+    dynamics: Dynamics
+    reset: Callable[..., RaceState]  # (key, batch=(), gate=None) -> state
+    begin: Callable[[Start], RaceState]  # a race from a given start grid
+    step: Callable[[RaceState, Array, Rules], tuple[RaceState, StepOutcome]]
+    observe: Callable[[RaceState], Array]  # [O, N, *B], of the kind the environment was made with
+    observe_as: dict[str, Callable[[RaceState], Array]]  # every kind, for pilots that were trained on another
+
+
+def _detect_collisions(
+    env_course: Course, dynamics: Dynamics, drones_before: Array, drones: object, hit_frame: Array, nearest: Array, rules: Rules
+) -> Collisions:
+    position = drones.position_w
+    roll, pitch, _ = dynamics.euler(drones)
+    return Collisions(
+        drone=nearest < rules.collision_distance,
+        ground=on_ground(position),
+        gate_frame=hit_frame,
+        bounds=out_of_bounds(env_course, position),
+        flip=(jnp.abs(roll) > FLIP_ANGLE) | (jnp.abs(pitch) > FLIP_ANGLE),
+    )
+
+
+def _freeze(frozen: Bool[Array, "N *B"], old: object, new: object) -> object:
+    return jax.tree.map(lambda a, b: jnp.where(frozen, a, b), old, new)
+
+
+def make_race_env(
+    track: Track,
+    num_drones: int,
+    vehicle: Vehicle,
+    observation: ObservationKind = "extended",
+    reward: RewardWeights | None = None,
+) -> RaceEnv:
+    """Build the functions of a race. Options are settled here, not inside the step."""
+    weights = reward or RewardWeights()
+    course = make_course(track)
+    dynamics = make_dynamics(vehicle)
+
+    def begin(start: Start) -> RaceState:
+        drones = dynamics.init(start.position_w, start.heading)
+        shape = start.heading.shape
+        none = jnp.zeros(shape, bool)
+        gate = jnp.broadcast_to(start.gate, shape)
+        return RaceState(drones, gate, jnp.zeros(shape, jnp.int32), none, none, jnp.zeros(shape[1:], jnp.int32))
+
+    def reset(key: Array, batch: tuple[int, ...] = (), gate: int | None = None) -> RaceState:
+        return begin(start_grid(course, key, num_drones, batch, gate))
+
+    def step(state: RaceState, action: Float[Array, "A N *B"], rules: Rules) -> tuple[RaceState, StepOutcome]:
+        airborne = state.airborne
+        drones = _freeze(~airborne, state.drones, dynamics.step(state.drones, action, rules.agility))
+        start_w, end_w = state.drones.position_w, drones.position_w
+        crossing = cross_gates(course, start_w, end_w, state.next_gate, rules.gate_tolerance)
+        crossing = crossing._replace(passed=once(crossing.passed & airborne))
+        nearest = nearest_opponent(start_w, end_w, airborne)
+        collisions = _detect_collisions(course, dynamics, start_w, drones, crossing.hit_frame, nearest, rules)
+        collisions = Collisions(*(hit & airborne for hit in collisions))
+
+        solid = once(collisions.drone | collisions.ground | collisions.gate_frame)
+        lost = collisions.bounds | collisions.flip
+        terminated = once(lost | (solid & rules.terminal_collisions))
+        gate_w = pick(course.position_w, state.next_gate)
+        motion = Motion(start_w, end_w, state.drones.velocity_w, drones.velocity_w, gate_w)
+        components = reward_components(weights, rules, motion, nearest, solid, airborne)
+        outcome = StepOutcome(
+            reward=jnp.where(airborne, total_reward(weights, components, crossing, terminated), 0.0),
+            components=components,
+            terminated=terminated,
+            crossing=crossing,
+            collisions=collisions,
+        )
+        passed = state.gates_passed + crossing.passed
+        next_state = RaceState(
+            drones=drones,
+            next_gate=(state.next_gate + crossing.passed) % course.num_gates,
+            gates_passed=passed,
+            out=state.out | terminated,
+            finished=state.finished | ((rules.gates_to_finish > 0) & (passed >= rules.gates_to_finish) & ~terminated),
+            step=state.step + 1,
+        )
+        return next_state, outcome
+
+    observe_as = {
+        kind: (lambda state, function=function: function(course, dynamics, state))
+        for kind, function in OBSERVATIONS.items()
+    }
+    return RaceEnv(num_drones, course, dynamics, reset, begin, step, observe_as[observation], observe_as)

@@ -1,0 +1,98 @@
+"""The paper's reward (Sec. 3.2.2), one function per component, and the project's two additions."""
+
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from cruise.config import RewardWeights
+from cruise.env.types import Rules
+from cruise.racing.field import opponent, opponents
+from cruise.racing.gates import Crossing
+from cruise.vector import dot, norm
+
+EPSILON = 1e-6
+
+
+def proximity(distance: Float[Array, "*B"], decay: float, reach: float) -> Float[Array, "*B"]:
+    """R_prox = 2 (exp(-a x) - exp(-a)) / (1 - exp(-a)) - 1, with x = distance / reach."""
+    floor = jnp.exp(-decay)
+    return 2 * (jnp.exp(-decay * distance / reach) - floor) / (1 - floor) - 1
+
+
+def progress(distance_before: Array, distance: Array, scale: float) -> Float[Array, "*B"]:
+    """R_prog = beta (d_{t-1} - d_t), both to the gate that was the target before the step."""
+    return scale * (distance_before - distance)
+
+
+def misalignment(velocity_w: Float[Array, "3 *B"], to_gate_w: Float[Array, "3 *B"]) -> Float[Array, "*B"]:
+    """R_align = 1 - cos(velocity, direction to the gate); 0 at rest."""
+    speed = norm(velocity_w)
+    distance = norm(to_gate_w)
+    cosine = dot(velocity_w, to_gate_w) / jnp.maximum(speed * distance, EPSILON)
+    return jnp.where(speed > EPSILON, 1 - cosine, 0.0)
+
+
+def speed_match(speed: Array, v_min: Array) -> Float[Array, "*B"]:
+    """R_speed = -|v - v_min|."""
+    return -jnp.abs(speed - v_min)
+
+
+def lead_of(offset_w: Float[Array, "3 *B"], velocity_w: Float[Array, "3 *B"]) -> Float[Array, "*B"]:
+    """proj_ij = (x_j - x_i) . v_i, whose sign alone matters: positive while j is ahead of i along i's heading."""
+    return dot(offset_w, velocity_w)
+
+
+def overtakes(motion: "Motion", airborne: Bool[Array, "N *B"], reach: float, sign: str) -> Float[Array, "N *B"]:
+    """R_over: opponents nearer than `reach` that went from ahead to behind. `sign="paper"` keeps the printed, opposite."""
+    count = jnp.zeros(airborne.shape)
+    for k in opponents(airborne.shape[0]):
+        before = lead_of(opponent(motion.start_w, k, 1) - motion.start_w, motion.velocity0_w)
+        offset = opponent(motion.end_w, k, 1) - motion.end_w
+        after = lead_of(offset, motion.velocity_w)
+        if sign == "paper":
+            before, after = -before, -after
+        counts = airborne & opponent(airborne, k, 0) & (dot(offset, offset) < reach**2)
+        count += (before > 0) & (after < 0) & counts
+    return count
+
+
+class Motion:
+    """Quantities of one step that several components share. [m], [m/s], world frame."""
+
+    def __init__(self, start_w: Array, end_w: Array, velocity0_w: Array, velocity_w: Array, gate_w: Array) -> None:
+        self.start_w, self.end_w, self.velocity0_w, self.velocity_w = start_w, end_w, velocity0_w, velocity_w
+        self.to_gate_w = gate_w - end_w
+        self.distance_before = norm(gate_w - start_w)
+        self.distance = norm(self.to_gate_w)
+        self.speed = norm(velocity_w)
+
+
+def reward_components(
+    weights: RewardWeights, rules: Rules, motion: Motion, nearest: Array, collided: Array, airborne: Array
+) -> dict[str, Float[Array, "N *B"]]:
+    """Weighted components, signs included, before the gate's bonus and the clip.
+
+    `nearest` is the closest approach to an opponent [m], `collided` any collision of the step.
+    """
+    w = weights
+    components = {
+        "prox": w.w_prox * proximity(motion.distance, w.proximity_decay, w.proximity_range),
+        "prog": w.w_prog * progress(motion.distance_before, motion.distance, w.progress_scale),
+        "align": -w.w_align * misalignment(motion.velocity_w, motion.to_gate_w),
+        "speed": w.w_speed * speed_match(motion.speed, rules.v_min),
+        "near": -w.w_near * jnp.maximum(w.near_distance - nearest, 0.0),
+        "coll": -rules.w_coll * collided,
+    }
+    components["over"] = rules.w_over * overtakes(motion, airborne, w.overtake_range, w.overtake_sign)
+    return components
+
+
+def total_reward(
+    weights: RewardWeights, components: dict[str, Array], crossing: Crossing, terminated: Array
+) -> Float[Array, "N *B"]:
+    """Sum and clip; a passed gate replaces the terms of flight, the end of an episode replaces everything."""
+    interaction = components["near"] + components["coll"] + components["over"]
+    flight = components["prox"] + components["prog"] + components["align"] + components["speed"]
+    outside = jnp.maximum(crossing.offset + weights.edge_margin, 0.0)
+    passing = weights.gate_bonus - weights.w_edge * outside
+    reward = jnp.where(crossing.passed, passing, flight) + interaction
+    return jnp.where(terminated, weights.terminal, jnp.clip(reward, -weights.clip, weights.clip))

@@ -1,0 +1,89 @@
+"""State and outcome of a race, or of many: components lead, then drones, then races."""
+
+from typing import NamedTuple
+
+from jaxtyping import Array, Bool, Float, Int
+
+from cruise.config import Stage
+from cruise.dynamics.types import DroneState
+from cruise.racing.gates import Crossing
+
+
+class Rules(NamedTuple):
+    """Theta_k and the rules of a race as traced values, so that a new stage recompiles nothing.
+
+    Each is a scalar, or broadcasts over [N, *B] where drones or races differ.
+    """
+
+    v_min: Float[Array, "..."]  # [m/s]
+    agility: Float[Array, "..."]  # [m/s^2] in the paper's vehicle
+    w_coll: Float[Array, "..."]
+    w_over: Float[Array, "..."]
+    gate_tolerance: Float[Array, ""]  # [m]
+    collision_distance: Float[Array, ""]  # [m]
+    terminal_collisions: Bool[Array, ""]
+    gates_to_finish: Int[Array, ""]  # gates passed to finish the race; 0: no finish
+
+
+class RaceState(NamedTuple):
+    """Everything that a step of a race depends on."""
+
+    drones: DroneState  # [... N *B]
+    next_gate: Int[Array, "N *B"]
+    gates_passed: Int[Array, "N *B"]
+    out: Bool[Array, "N *B"]  # crashed, or never took part
+    finished: Bool[Array, "N *B"]
+    step: Int[Array, "*B"]  # control steps since the start
+
+    @property
+    def airborne(self) -> Bool[Array, "N *B"]:
+        """Still racing. Who is not has left the air and obstructs nobody."""
+        return ~(self.out | self.finished)
+
+
+class Collisions(NamedTuple):
+    """Kinds of collision that happened to a drone in a step."""
+
+    drone: Bool[Array, "N *B"]
+    ground: Bool[Array, "N *B"]
+    gate_frame: Bool[Array, "N *B"]
+    bounds: Bool[Array, "N *B"]  # left the track; counts as a crash in every stage
+    flip: Bool[Array, "N *B"]  # rolled or pitched past 90 degrees; counts as a crash in every stage
+
+
+class StepOutcome(NamedTuple):
+    """What a step did, drone by drone. The time limit is the caller's: see `cruise.rollout`."""
+
+    reward: Float[Array, "N *B"]
+    components: dict[str, Float[Array, "N *B"]]  # weighted terms of the reward, before the clip
+    terminated: Bool[Array, "N *B"]  # this drone's race ended in this step by a crash
+    crossing: Crossing
+    collisions: Collisions
+
+
+def stage_rules(stage: Stage, collision_distance: float) -> Rules:
+    """The rules under which a stage of the curriculum trains; races there have no finish."""
+    return Rules(
+        v_min=stage.v_min,
+        agility=stage.agility,
+        w_coll=stage.w_coll if stage.collision_penalty else 0.0,
+        w_over=stage.w_over,
+        gate_tolerance=stage.gate_tolerance,
+        collision_distance=collision_distance,
+        terminal_collisions=stage.terminal_collisions,
+        gates_to_finish=0,
+    )
+
+
+def race_rules(agility: Float[Array, "..."] | float, collision_distance: float, gates_to_finish: int) -> Rules:
+    """The rules of a real race: true openings, every collision final. Rewards are not meant to be read."""
+    return Rules(
+        v_min=0.0,
+        agility=agility,
+        w_coll=0.0,
+        w_over=0.0,
+        gate_tolerance=0.0,
+        collision_distance=collision_distance,
+        terminal_collisions=True,
+        gates_to_finish=gates_to_finish,
+    )

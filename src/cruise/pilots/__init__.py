@@ -1,0 +1,1 @@
+"""Who flies: learned, planned and scripted pilots behind one interface."""
