@@ -1,0 +1,1 @@
+"""PPO, the curriculum and self-play. Knows no screen: training is a generator."""

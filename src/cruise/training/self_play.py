@@ -1,0 +1,105 @@
+"""Iterative self-play: the win rate against the frozen opponents, and their replacement (Algorithm 1)."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
+
+from cruise.config import SelfPlayConfig
+from cruise.env.race_env import RaceEnv
+from cruise.env.types import RaceState, Rules
+from cruise.pilots.network import ActorCritic
+from cruise.training.experience import ACTIVE, hide_opponents
+from cruise.training.types import OpponentPool, TrainState
+from cruise.vector import norm
+
+
+class Score(NamedTuple):
+    """How the active policy did in one evaluation. NaN where nothing was measured."""
+
+    win_rate: Float[Array, ""]
+    success: Float[Array, ""]  # share of races the active drone survived
+    speed: Float[Array, ""]  # mean of the active drone while in the air [m/s]
+    lap_time: Float[Array, ""]  # from the gates passed by survivors [s]
+
+
+def win_rate(gates_passed: Int[Array, "N E"]) -> Float[Array, ""]:
+    """w: the share of races in which the active drone passed more gates than every opponent."""
+    if gates_passed.shape[0] == 1:
+        return jnp.zeros(())
+    return jnp.mean(gates_passed[ACTIVE] > gates_passed[ACTIVE + 1 :].max(0))
+
+
+class _Watch(NamedTuple):
+    """What an evaluation remembers of the active drone, race by race."""
+
+    first_gate: Float[Array, "E"]  # step at which it passed its first gate, interpolated
+    last_gate: Float[Array, "E"]
+    distance: Float[Array, "E"]  # sum of its speeds
+    steps: Float[Array, "E"]  # in the air
+
+
+def _watch(seen: _Watch, before: RaceState, after: RaceState, passed: Bool[Array, "E"], fraction: Array) -> _Watch:
+    flying = before.airborne[ACTIVE]
+    moment = before.step + fraction
+    first = before.gates_passed[ACTIVE] == 0
+    return _Watch(
+        first_gate=jnp.where(passed & first, moment, seen.first_gate),
+        last_gate=jnp.where(passed, moment, seen.last_gate),
+        distance=seen.distance + jnp.where(flying, norm(after.drones.velocity_w[:, ACTIVE]), 0.0),
+        steps=seen.steps + flying,
+    )
+
+
+def _score(seen: _Watch, races: RaceState, env: RaceEnv) -> Score:
+    gates = races.gates_passed[ACTIVE] - 1
+    whole = (gates >= env.course.num_gates) & ~races.out[ACTIVE]
+    per_lap = (seen.last_gate - seen.first_gate) * env.course.num_gates / jnp.maximum(gates, 1)
+    return Score(
+        win_rate=win_rate(races.gates_passed),
+        success=jnp.mean(~races.out[ACTIVE]),
+        speed=seen.distance.sum() / jnp.maximum(seen.steps.sum(), 1),
+        lap_time=jnp.sum(jnp.where(whole, per_lap, 0.0)) / whole.sum() * env.dynamics.control_dt,
+    )
+
+
+Evaluate = Callable[[ActorCritic, ActorCritic, Rules, Array, Array], Score]
+
+
+def make_evaluate(env: RaceEnv, config: SelfPlayConfig) -> Evaluate:
+    """A function that races the active policy against the opponents, all deterministic, under the stage's rules."""
+
+    def evaluate(model: ActorCritic, opponents: ActorCritic, rules: Rules, alone: Array, key: Array) -> Score:
+        races = hide_opponents(env.reset(key, (config.races,)), alone)
+        nothing = jnp.zeros(config.races)
+
+        def step(carry: tuple, _: None) -> tuple:
+            races, seen = carry
+            observation = env.observe(races)
+            action = model.mean_action(observation[:, :1])
+            if env.num_drones > 1:
+                action = jnp.concatenate([action, opponents.mean_action(observation[:, 1:])], axis=1)
+            after, outcome = env.step(races, action, rules)
+            crossing = outcome.crossing
+            return (after, _watch(seen, races, after, crossing.passed[ACTIVE], crossing.fraction[ACTIVE])), None
+
+        (races, seen), _ = jax.lax.scan(step, (races, _Watch(*[nothing] * 4)), length=config.race_steps)
+        return _score(seen, races, env)
+
+    return evaluate
+
+
+def replace_opponents(state: TrainState) -> TrainState:
+    """phi_i <- theta_a. Races under way keep their opponents until they end."""
+    pool = state.opponents
+    pool = OpponentPool(
+        newest=state.model, previous=pool.newest, uses_previous=jnp.ones_like(pool.uses_previous)
+    )
+    return state._replace(opponents=pool)
+
+
+def may_replace(state: TrainState) -> bool:
+    """Whether no race still flies against the generation that a replacement would drop."""
+    return not bool(state.opponents.uses_previous.any())

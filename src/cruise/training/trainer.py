@@ -1,0 +1,129 @@
+"""The trainer: a generator of progress. It prints nothing and writes nothing."""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from cruise.config import TrainConfig, Track, Vehicle
+from cruise.env.race_env import RaceEnv, make_race_env
+from cruise.env.types import Rules, stage_rules
+from cruise.errors import CruiseError
+from cruise.pilots.network import ActorCritic
+from cruise.training.curriculum import Phase, plan_phases
+from cruise.training.experience import hide_opponents, make_collect
+from cruise.training.ppo import make_learn, make_optimiser
+from cruise.training.self_play import Score, make_evaluate, may_replace, replace_opponents
+from cruise.training.types import OpponentPool, TrainState
+
+
+class Progress(NamedTuple):
+    """Where a run stands after an update."""
+
+    state: TrainState
+    phase: Phase
+    steps: int  # environment steps of the active drone so far
+    metrics: dict[str, Array]  # of the rollout and of the loss; on the device until somebody reads them
+    score: Score | None  # when this update was followed by an evaluation
+    opponents_replaced: bool
+    phase_ended: bool
+
+
+class TrainingDiverged(CruiseError):
+    """A loss or a parameter is no longer a finite number."""
+
+
+class Trainer:
+    """Compiled functions of one run. Stateless between calls: `TrainState` is all there is."""
+
+    def __init__(self, config: TrainConfig, track: Track, vehicle: Vehicle) -> None:
+        """Build the environment and compile lazily."""
+        self.config = config
+        self.phases = plan_phases(config)
+        self.total_updates = self.phases[-1].last_update
+        self.steps_per_update = config.ppo.races * config.ppo.rollout_steps
+        self.env: RaceEnv = make_race_env(track, config.drones, vehicle, config.observation, config.reward)
+        self.optimiser = make_optimiser(config.ppo, self.total_updates)
+        self.update = jax.jit(self._make_update())
+        self.evaluate = jax.jit(make_evaluate(self.env, config.self_play))
+        self.start = jax.jit(self._start)
+
+    def _make_update(self):  # noqa: ANN202
+        ppo = self.config.ppo
+        collect = make_collect(self.env, ppo.races, ppo.rollout_steps, self.config.episode_steps)
+        learn = make_learn(ppo, self.optimiser)
+
+        def update(state: TrainState, rules: Rules, alone: Array) -> tuple[TrainState, dict[str, Array]]:
+            state, experience = collect(state, rules, alone)
+            state, metrics = learn(state, experience)
+            return state, experience.metrics | metrics
+
+        return update
+
+    def _start(self, key: Array) -> TrainState:
+        """A fresh state: opponents equal to the active policy, episodes at random ages so that they never end together."""
+        model_key, race_key, age_key, key = jax.random.split(key, 4)
+        ppo, env = self.config.ppo, self.env
+        races = env.reset(race_key, (ppo.races,))
+        size = env.observe(races).shape[0]
+        model = ActorCritic(size, env.dynamics.action_size, ppo.hidden, ppo.initial_log_std, model_key)
+        races = hide_opponents(races, jnp.asarray(self.phases[0].alone))
+        races = races._replace(step=jax.random.randint(age_key, (ppo.races,), 0, self.config.episode_steps))
+        nobody = jnp.zeros(ppo.races, bool)
+        pool = OpponentPool(model, model, nobody)
+        return TrainState(model, self.optimiser.init(model), pool, races, nobody, key, jnp.zeros((), jnp.int32))
+
+    def initial_state(self) -> TrainState:
+        """The state before the first update, a function of the seed."""
+        return self.start(jax.random.key(self.config.seed))
+
+    def phase_of(self, update: int) -> Phase:
+        """The phase in which update number `update` (from 0) is trained."""
+        return next(phase for phase in self.phases if update < phase.last_update)
+
+    def rules_of(self, phase: Phase) -> Rules:
+        """The traced rules of a phase."""
+        return jax.tree.map(jnp.asarray, stage_rules(phase.stage, self.config.collision_distance))
+
+    def run(self, state: TrainState) -> Iterator[Progress]:
+        """Train from `state` to the end, yielding after every update.
+
+        Raises:
+            TrainingDiverged: when a loss stops being finite; the state before is the last one yielded.
+        """
+        done = int(state.updates)
+        while done < self.total_updates:
+            phase = self.phase_of(done)
+            rules, alone = self.rules_of(phase), jnp.asarray(phase.alone)
+            state, metrics = self.update(state, rules, alone)
+            done += 1
+            steps = done * self.steps_per_update
+            phase_ended = done == phase.last_update
+            score, replaced = None, False
+            if phase_ended or self._evaluation_due(done):
+                self._check_finite(metrics, steps)
+                score, state, replaced = self._evaluate_and_replace(state, phase, rules, alone)
+            yield Progress(state, phase, steps, metrics, score, replaced, phase_ended)
+
+    def _evaluation_due(self, done: int) -> bool:
+        every = self.config.self_play.evaluate_every
+        return (done * self.steps_per_update) // every > ((done - 1) * self.steps_per_update) // every
+
+    def _evaluate_and_replace(
+        self, state: TrainState, phase: Phase, rules: Rules, alone: Array
+    ) -> tuple[Score, TrainState, bool]:
+        key = jax.random.fold_in(jax.random.key(self.config.seed + 1), state.updates)
+        score = self.evaluate(state.model, state.opponents.newest, rules, alone, key)
+        score = Score(*(float(x) for x in score))
+        wins = phase.self_play and score.win_rate >= self.config.self_play.win_threshold
+        if wins and may_replace(state):
+            return score, replace_opponents(state), True
+        return score, state, False
+
+    def _check_finite(self, metrics: dict[str, Array], steps: int) -> None:
+        bad = [name for name, value in metrics.items() if name.startswith("loss/") and not np.isfinite(value)]
+        if bad:
+            raise TrainingDiverged(f"{bad[0]} is not finite after {steps:,} steps: lower the learning rate")

@@ -1,0 +1,54 @@
+"""What training carries from one update to the next, and what it reports."""
+
+from typing import NamedTuple
+
+import optax
+from jaxtyping import Array, Bool, Float, Int
+
+from cruise.env.types import RaceState
+from cruise.pilots.network import ActorCritic
+
+
+class OpponentPool(NamedTuple):
+    """Frozen opponents and which of them flies in which race.
+
+    Two generations are kept, because an opponent is replaced only between episodes: races under way finish against
+    the generation they began with.
+    """
+
+    newest: ActorCritic
+    previous: ActorCritic
+    uses_previous: Bool[Array, "E"]
+
+
+class TrainState(NamedTuple):
+    """Everything an update depends on; saved whole in a checkpoint."""
+
+    model: ActorCritic
+    optimiser: optax.OptState
+    opponents: OpponentPool
+    races: RaceState  # [..., N, E]
+    restart: Bool[Array, "E"]  # races that begin anew at the next step
+    key: Array
+    updates: Int[Array, ""]
+
+
+class Transitions(NamedTuple):
+    """What the active drone lived through in a rollout."""
+
+    observation: Float[Array, "T O E"]
+    action: Float[Array, "T A E"]
+    log_prob: Float[Array, "T E"]
+    value: Float[Array, "T E"]
+    reward: Float[Array, "T E"]
+    terminated: Bool[Array, "T E"]
+
+
+class Batch(NamedTuple):
+    """Transitions with what the loss needs of them."""
+
+    observation: Float[Array, "T O E"]
+    action: Float[Array, "T A E"]
+    log_prob: Float[Array, "T E"]
+    advantage: Float[Array, "T E"]
+    value_target: Float[Array, "T E"]
