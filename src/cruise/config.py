@@ -96,7 +96,7 @@ class RewardWeights:
     overtake_sign: Literal["fixed", "paper"] = "fixed"
     overtake_range: float = 3.0  # overtaking counts against opponents nearer than this [m]
     gate_bonus: float = 1.0  # reward of the step that passes a gate, in place of the sum
-    w_edge: float = 2.0  # per metre that a crossing lies outside the opening shrunk by `edge_margin`
+    w_edge: float = 5.0  # per metre that a crossing lies outside the opening shrunk by `edge_margin`
     edge_margin: float = 0.3  # [m]
     w_near: float = 0.5  # per metre that the nearest opponent is closer than `near_distance`
     near_distance: float = 1.2  # [m]
@@ -108,17 +108,17 @@ class RewardWeights:
 class PPOConfig:
     """Proximal policy optimisation."""
 
-    races: int = 1024  # E, simulated in parallel
+    races: int = 512  # E, simulated in parallel
     rollout_steps: int = 64  # T, per update
     epochs: int = 4
-    minibatches: int = 8
+    minibatches: int = 16
     learning_rate: float = 1e-3
     final_learning_rate: float = 1e-4  # reached linearly at the end of the run
     gamma: float = 0.99
     gae_lambda: float = 0.95
     clip_ratio: float = 0.2
     value_weight: float = 0.5
-    entropy_weight: float = 0.0
+    entropy_weight: float = 0.005  # at the start; falls linearly to 0 at the end of the run
     max_grad_norm: float = 0.5
     hidden: tuple[int, ...] = (64, 64)
     initial_log_std: float = -0.5
@@ -128,11 +128,12 @@ class PPOConfig:
 class SelfPlayConfig:
     """Iterative self-play (Algorithm 1)."""
 
-    mode: SelfPlayMode = "within"
+    self_play: SelfPlayMode = "within"  # every stage, after the curriculum flown alone, or never
     evaluate_every: int = 500_000  # T_eval, environment steps
     win_threshold: float = 0.6  # tau
-    races: int = 100  # n_eval
-    race_steps: int = 300  # length of an evaluation episode, in control steps
+    patience: int = 2  # evaluations short of tau after which opponents are replaced all the same; 0: never
+    evaluation_races: int = 100  # n_eval
+    evaluation_steps: int = 300  # length of an evaluation episode, in control steps
 
 
 @dataclass(frozen=True)
@@ -151,4 +152,4 @@ class TrainConfig:
     checkpoint_seconds: float = 30.0
     reward: RewardWeights = field(default_factory=RewardWeights)
     ppo: PPOConfig = field(default_factory=PPOConfig)
-    self_play: SelfPlayConfig = field(default_factory=SelfPlayConfig)
+    opponents: SelfPlayConfig = field(default_factory=SelfPlayConfig)

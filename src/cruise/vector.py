@@ -41,7 +41,9 @@ def sin_cos(angle: Float[Array, "*B"]) -> tuple[Float[Array, "*B"], Float[Array,
     x = ((angle - quadrant * a) - quadrant * b) - quadrant * c
     x2 = x * x
     sine = x + x * x2 * (-1.6666654611e-1 + x2 * (8.3321608736e-3 - x2 * 1.9515295891e-4))
-    cosine = 1.0 - 0.5 * x2 + x2 * x2 * (4.166664568298827e-2 + x2 * (-1.388731625493765e-3 + x2 * 2.443315711809948e-5))
+    cosine = (
+        1.0 - 0.5 * x2 + x2 * x2 * (4.166664568298827e-2 + x2 * (-1.388731625493765e-3 + x2 * 2.443315711809948e-5))
+    )
     q = quadrant.astype(jnp.int32)
     swap = (q & 1) == 1
     sin_value = jnp.where(swap, cosine, sine)

@@ -2,7 +2,7 @@
 
 from cruise.config import Vehicle
 from cruise.dynamics.cascade import make_cascade
-from cruise.dynamics.types import Dynamics, DroneState, RigidBody
+from cruise.dynamics.types import DroneState, Dynamics, RigidBody
 
 __all__ = ["DroneState", "Dynamics", "RigidBody", "make_dynamics"]
 

@@ -5,13 +5,16 @@ from jaxtyping import Array, Float
 
 from cruise.config import Vehicle
 from cruise.dynamics.integrators import make_integrator
-from cruise.dynamics.rigid_body import Wrench, make_derivative
-from cruise.dynamics.types import Dynamics, DroneState, RigidBody
+from cruise.dynamics.rigid_body import Wrench, make_derivative, thrust_axis_w
+from cruise.dynamics.types import DroneState, Dynamics, RigidBody
+from cruise.vector import sin_cos
 
 ACTION_SIZE = 3
+RATE_SCALE = 3.0  # body rates of a hard turn [rad/s]
+AGILITY_SCALE = 4.0  # a middling agility [m/s^2]
 
 
-def velocity_error(action: Float[Array, "3 *B"], agility: Array, control_dt: float) -> Float[Array, "3 *B"]:
+def velocity_error(action: Float[Array, "3 *B"], agility: Array | float, control_dt: float) -> Float[Array, "3 *B"]:
     """e_v = v_desired - v, with v_desired = v + agility clip(action, -1, 1) dt (the paper's action equation)."""
     return agility * jnp.clip(action, -1.0, 1.0) * control_dt
 
@@ -43,14 +46,14 @@ def wrench_from_acceleration(vehicle: Vehicle, command: Float[Array, "3 *B"], bo
 def make_cascade(vehicle: Vehicle) -> Dynamics:
     """The vehicle as pure functions. Its memory is the velocity error of the step before."""
     integrate = make_integrator(vehicle.integrator, make_derivative(vehicle), vehicle.control_dt, vehicle.substeps)
-    largest_error = vehicle.control_dt  # times agility; scales the memory for observations
+    error_scale = vehicle.control_dt * AGILITY_SCALE
 
     def init(position_w: Array, heading: Array) -> DroneState:
         del heading  # the mapping to roll and pitch holds at yaw 0, where the attitude loop keeps the drone
         zero = jnp.zeros_like(position_w)
         return DroneState(RigidBody(position_w, zero, zero, zero), memory=zero)
 
-    def step(state: DroneState, action: Array, agility: Array) -> DroneState:
+    def step(state: DroneState, action: Array, agility: Array | float) -> DroneState:
         body = state.body
         error = velocity_error(action, agility, vehicle.control_dt)
         command = commanded_acceleration(vehicle, error, state.memory, body.velocity_w)
@@ -59,8 +62,11 @@ def make_cascade(vehicle: Vehicle) -> Dynamics:
         on_or_above_ground = jnp.stack([x, y, jnp.maximum(z, 0.0)])
         return DroneState(body._replace(position_w=on_or_above_ground), memory=error)
 
-    def proprioception(state: DroneState) -> Array:
+    def proprioception(state: DroneState) -> tuple[Array, ...]:
         body = state.body
-        return jnp.concatenate([body.euler, body.angular_velocity_b / 3.0, state.memory / largest_error])
+        sin_yaw, cos_yaw = sin_cos(body.euler[2])
+        p, q, r = body.angular_velocity_b
+        level_rates = jnp.stack([cos_yaw * p - sin_yaw * q, sin_yaw * p + cos_yaw * q, r])  # tilt left out: it is small
+        return thrust_axis_w(body.euler), level_rates / RATE_SCALE, state.memory / error_scale
 
     return Dynamics(ACTION_SIZE, vehicle.control_dt, init, step, lambda state: state.body.euler, proprioception)

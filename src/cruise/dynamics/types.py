@@ -35,14 +35,15 @@ class DroneState(NamedTuple):
 class Dynamics(NamedTuple):
     """A vehicle as pure functions; everything outside this package sees a drone through these alone.
 
-    `init(position_w, heading)` is a drone at rest, facing `heading` [rad] where its controller can turn. `step(state, action, agility)` advances one `control_dt`, with the
-    action in [-1, 1]^action_size and `agility` its scale. `proprioception` is what the drone feels of itself beyond
-    position and velocity, scaled to order one, for observations.
+    `init(position_w, heading)` is a drone at rest, facing `heading` [rad] where its controller can turn.
+    `step(state, action, agility)` advances one `control_dt`, with the action in [-1, 1]^action_size and `agility` its
+    scale. `proprioception` is what the drone feels of itself beyond position and velocity, for observations: vectors
+    [3, *B] in the world's frame, scaled to order one.
     """
 
     action_size: int
     control_dt: float
     init: Callable[[Array, Array], DroneState]
-    step: Callable[[DroneState, Array, Array], DroneState]
+    step: Callable[[DroneState, Array, Array | float], DroneState]
     euler: Callable[[DroneState], Array]
-    proprioception: Callable[[DroneState], Array]
+    proprioception: Callable[[DroneState], tuple[Array, ...]]

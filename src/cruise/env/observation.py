@@ -1,5 +1,8 @@
 """What a drone sees: the paper's vector, and an `extended` one in which the order of opponents means nothing."""
 
+import functools
+import operator
+
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
@@ -52,46 +55,76 @@ def _paper_opponents(position: Array, airborne: Array) -> list[Array]:
 
 
 GATE_RANGE, OPPONENT_RANGE, SPEED_RANGE, HEIGHT_RANGE = 5.0, 3.0, 5.0, 4.0  # scales of the extended observation
-EXTENDED_LIMIT = 3.0
+LOOK_AHEAD = 3.0  # how far constant velocity is trusted [s]
+MIN_CLOSING_SPEED = 0.5  # [m/s]
+LIMIT = 3.0  # the extended observation is clipped to [-LIMIT, LIMIT]
 ABSENT = 1e6  # sorts an opponent that left the air behind all others [m]
 
 
-def extended_observation(course: Course, dynamics: Dynamics, state: RaceState) -> Float[Array, "O N *B"]:
-    """Own flight, the next three gates, and opponents nearest first with their velocities.
+def to_gate_frame(normal_w: Float[Array, "2 *B"], vector_w: Float[Array, "3 *B"]) -> Float[Array, "3 *B"]:
+    """A world vector along (forward, left, up) of a gate whose normal is (cos yaw, sin yaw)."""
+    (cos_yaw, sin_yaw), (x, y, z) = normal_w, vector_w
+    return jnp.stack([cos_yaw * x + sin_yaw * y, cos_yaw * y - sin_yaw * x, z])
 
-    Size 20 + P + 7 (N - 1), where P is the vehicle's proprioception. Clipped to [-3, 3].
+
+def from_gate_frame(normal_w: Float[Array, "2 *B"], vector: Float[Array, "3 *B"]) -> Float[Array, "3 *B"]:
+    """The inverse of `to_gate_frame`."""
+    (cos_yaw, sin_yaw), (forward, left, up) = normal_w, vector
+    return jnp.stack([cos_yaw * forward - sin_yaw * left, sin_yaw * forward + cos_yaw * left, up])
+
+
+def extended_observation(course: Course, dynamics: Dynamics, state: RaceState) -> Float[Array, "O N *B"]:
+    """Own flight, the next three gates, and opponents nearest first, all in the frame of the target gate.
+
+    Seen so, every gate looks alike, and what is learned at one serves at all. Beyond the paper's vector it knows the
+    drone's own attitude, the gates after the target, where the drone would cross the target's plane and how near it
+    would come to each opponent if everybody kept his velocity. Size 22 + 3 P + 9 (N - 1) with P vectors of the
+    vehicle's proprioception. Clipped to [-3, 3].
     """
-    position, velocity = state.drones.position_w, state.drones.velocity_w
     gates = [(state.next_gate + ahead) % course.num_gates for ahead in range(3)]
     target, second, third = (pick(course.position_w, g) for g in gates)
-    to_gate = target - position
-    distance = norm(to_gate)
-    closing = dot(velocity, to_gate) / (distance + EPSILON)
+    normal = pick(course.normal_w, gates[0])
+    next_x, next_y = pick(course.normal_w, gates[1])
+    place = to_gate_frame(normal, state.drones.position_w - target)
+    velocity = to_gate_frame(normal, state.drones.velocity_w)
+    distance = norm(place)
     parts = [
-        to_gate / GATE_RANGE,
+        place / GATE_RANGE,
         distance[None] / DISTANCE_MAX,
-        (second - target) / DISTANCE_MAX,
-        (third - second) / DISTANCE_MAX,
-        pick(course.normal_w, gates[0]),
-        pick(course.normal_w, gates[1]),
+        to_gate_frame(normal, second - target) / DISTANCE_MAX,
+        to_gate_frame(normal, third - second) / DISTANCE_MAX,
+        to_gate_frame(normal, jnp.stack([next_x, next_y, jnp.zeros_like(next_x)]))[:2],
         velocity / SPEED_RANGE,
-        closing[None] / SPEED_RANGE,
-        position[2:] / HEIGHT_RANGE,
-        jnp.ones_like(distance)[None],
-        dynamics.proprioception(state.drones),
+        -dot(velocity, place)[None] / (distance + EPSILON) / SPEED_RANGE,
+        state.drones.position_w[2:] / HEIGHT_RANGE,
+        *_predicted_crossing(place, velocity),
+        *(to_gate_frame(normal, vector) for vector in dynamics.proprioception(state.drones)),
+        *_nearest_first(normal, state),
     ]
-    parts += _nearest_first(position, velocity, state.airborne)
-    return jnp.clip(jnp.concatenate(parts), -EXTENDED_LIMIT, EXTENDED_LIMIT)
+    return jnp.clip(jnp.concatenate(parts), -LIMIT, LIMIT)
 
 
-def _nearest_first(position: Array, velocity: Array, airborne: Array) -> list[Float[Array, "7 N *B"]]:
-    """Seven numbers per opponent: relative position and velocity, closeness; all 0 for one that left the air."""
+def _predicted_crossing(place: Float[Array, "3 *B"], velocity: Float[Array, "3 *B"]) -> list[Array]:
+    """Where, left and up of the target's centre [2 m], and when [LOOK_AHEAD] the drone would cross its plane."""
+    time = jnp.clip(-place[0] / jnp.maximum(velocity[0], MIN_CLOSING_SPEED), 0.0, LOOK_AHEAD)
+    return [(place[1:] + velocity[1:] * time) / 2.0, time[None] / LOOK_AHEAD]
+
+
+def _nearest_first(normal: Array, state: RaceState) -> list[Float[Array, "9 N *B"]]:
+    """Nine numbers per opponent, all 0 for one that left the air.
+
+    Relative position and velocity, closeness, and time and closeness of the nearest approach at constant velocity.
+    """
+    position, velocity, airborne = state.drones.position_w, state.drones.velocity_w, state.airborne
     features, separations = [], []
     for k in opponents(airborne.shape[0]):
         here = opponent(airborne, k, 0)
         offset, motion = opponent(position, k, 1) - position, opponent(velocity, k, 1) - velocity
         separation = norm(offset)
-        seen = jnp.concatenate([offset / OPPONENT_RANGE, motion / OPPONENT_RANGE, jnp.exp(-separation)[None]])
+        time = jnp.clip(-dot(offset, motion) / jnp.maximum(dot(motion, motion), 0.01), 0.0, LOOK_AHEAD)
+        closeness = [jnp.exp(-separation), time / LOOK_AHEAD, jnp.exp(-norm(offset + motion * time))]
+        vectors = [to_gate_frame(normal, offset), to_gate_frame(normal, motion)]
+        seen = jnp.concatenate([vectors[0] / OPPONENT_RANGE, vectors[1] / OPPONENT_RANGE, jnp.stack(closeness)])
         features.append(jnp.where(here, seen, 0.0))
         separations.append(jnp.where(here, separation, ABSENT))
     places = ranks(separations)
@@ -113,4 +146,16 @@ def ranks(values: list[Float[Array, "*B"]]) -> list[Int[Array, "*B"]]:
     return places
 
 
+def world_action(course: Course, next_gate: Int[Array, "*B"], action: Float[Array, "A *B"]) -> Float[Array, "A *B"]:
+    """What a policy on the paper's observation says is the action."""
+    del course, next_gate
+    return action
+
+
+def gate_action(course: Course, next_gate: Int[Array, "*B"], action: Float[Array, "A *B"]) -> Float[Array, "A *B"]:
+    """A policy on the extended observation speaks in the frame of its target gate: turn its action into the world."""
+    return from_gate_frame(pick(course.normal_w, next_gate), action)
+
+
 OBSERVATIONS = {"paper": paper_observation, "extended": extended_observation}
+ACTIONS = {"paper": world_action, "extended": gate_action}

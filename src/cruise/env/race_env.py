@@ -1,5 +1,6 @@
 """The environment: pure functions that start, step and observe a race, or any batch of races."""
 
+import functools
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -8,8 +9,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from cruise.config import ObservationKind, RewardWeights, Track, Vehicle
-from cruise.dynamics import Dynamics, make_dynamics
-from cruise.env.observation import OBSERVATIONS
+from cruise.dynamics import DroneState, Dynamics, make_dynamics
+from cruise.env.observation import ACTIONS, OBSERVATIONS
 from cruise.env.reward import Motion, reward_components, total_reward
 from cruise.env.types import Collisions, RaceState, Rules, StepOutcome
 from cruise.racing.contacts import nearest_opponent, on_ground, out_of_bounds
@@ -31,11 +32,19 @@ class RaceEnv(NamedTuple):
     begin: Callable[[Start], RaceState]  # a race from a given start grid
     step: Callable[[RaceState, Array, Rules], tuple[RaceState, StepOutcome]]
     observe: Callable[[RaceState], Array]  # [O, N, *B], of the kind the environment was made with
+    decode: Callable[[Array, Array], Array]  # (next_gate, action): from the frame a policy observes in to the world's
     observe_as: dict[str, Callable[[RaceState], Array]]  # every kind, for pilots that were trained on another
+    decode_as: dict[str, Callable[[Array, Array], Array]]
 
 
 def _detect_collisions(
-    env_course: Course, dynamics: Dynamics, drones_before: Array, drones: object, hit_frame: Array, nearest: Array, rules: Rules
+    env_course: Course,
+    dynamics: Dynamics,
+    drones_before: Array,
+    drones: DroneState,
+    hit_frame: Array,
+    nearest: Array,
+    rules: Rules,
 ) -> Collisions:
     position = drones.position_w
     roll, pitch, _ = dynamics.euler(drones)
@@ -48,8 +57,9 @@ def _detect_collisions(
     )
 
 
-def _freeze(frozen: Bool[Array, "N *B"], old: object, new: object) -> object:
-    return jax.tree.map(lambda a, b: jnp.where(frozen, a, b), old, new)
+def _freeze(frozen: Bool[Array, "N *B"], old: DroneState, new: DroneState) -> DroneState:
+    kept: DroneState = jax.tree.map(lambda a, b: jnp.where(frozen, a, b), old, new)
+    return kept
 
 
 def make_race_env(
@@ -108,8 +118,17 @@ def make_race_env(
         )
         return next_state, outcome
 
-    observe_as = {
-        kind: (lambda state, function=function: function(course, dynamics, state))
-        for kind, function in OBSERVATIONS.items()
-    }
-    return RaceEnv(num_drones, course, dynamics, reset, begin, step, observe_as[observation], observe_as)
+    observe_as = {kind: functools.partial(function, course, dynamics) for kind, function in OBSERVATIONS.items()}
+    decode_as = {kind: functools.partial(function, course) for kind, function in ACTIONS.items()}
+    return RaceEnv(
+        num_drones=num_drones,
+        course=course,
+        dynamics=dynamics,
+        reset=reset,
+        begin=begin,
+        step=step,
+        observe=observe_as[observation],
+        decode=decode_as[observation],
+        observe_as=observe_as,
+        decode_as=decode_as,
+    )

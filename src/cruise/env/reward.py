@@ -31,7 +31,7 @@ def misalignment(velocity_w: Float[Array, "3 *B"], to_gate_w: Float[Array, "3 *B
     return jnp.where(speed > EPSILON, 1 - cosine, 0.0)
 
 
-def speed_match(speed: Array, v_min: Array) -> Float[Array, "*B"]:
+def speed_match(speed: Array, v_min: Array | float) -> Float[Array, "*B"]:
     """R_speed = -|v - v_min|."""
     return -jnp.abs(speed - v_min)
 
@@ -42,7 +42,10 @@ def lead_of(offset_w: Float[Array, "3 *B"], velocity_w: Float[Array, "3 *B"]) ->
 
 
 def overtakes(motion: "Motion", airborne: Bool[Array, "N *B"], reach: float, sign: str) -> Float[Array, "N *B"]:
-    """R_over: opponents nearer than `reach` that went from ahead to behind. `sign="paper"` keeps the printed, opposite."""
+    """R_over: opponents nearer than `reach` that went from ahead to behind.
+
+    `sign="paper"` keeps the printed sign, the opposite.
+    """
     count = jnp.zeros(airborne.shape)
     for k in opponents(airborne.shape[0]):
         before = lead_of(opponent(motion.start_w, k, 1) - motion.start_w, motion.velocity0_w)

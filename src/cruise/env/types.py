@@ -15,14 +15,14 @@ class Rules(NamedTuple):
     Each is a scalar, or broadcasts over [N, *B] where drones or races differ.
     """
 
-    v_min: Float[Array, "..."]  # [m/s]
-    agility: Float[Array, "..."]  # [m/s^2] in the paper's vehicle
-    w_coll: Float[Array, "..."]
-    w_over: Float[Array, "..."]
-    gate_tolerance: Float[Array, ""]  # [m]
-    collision_distance: Float[Array, ""]  # [m]
-    terminal_collisions: Bool[Array, ""]
-    gates_to_finish: Int[Array, ""]  # gates passed to finish the race; 0: no finish
+    v_min: Float[Array, "..."] | float  # [m/s]
+    agility: Float[Array, "..."] | float  # [m/s^2] in the paper's vehicle
+    w_coll: Float[Array, "..."] | float
+    w_over: Float[Array, "..."] | float
+    gate_tolerance: Float[Array, ""] | float  # [m]
+    collision_distance: Float[Array, ""] | float  # [m]
+    terminal_collisions: Bool[Array, ""] | bool
+    gates_to_finish: Int[Array, ""] | int  # gates passed to finish the race; 0: no finish
 
 
 class RaceState(NamedTuple):

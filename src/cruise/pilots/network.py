@@ -30,6 +30,7 @@ class Perceptron(eqx.Module):
         """Output for a batch whose axes trail: one matrix product per layer, no transpose."""
         ones = (1,) * (x.ndim - 1)
         for i, layer in enumerate(self.layers):
+            assert layer.bias is not None
             x = jnp.tensordot(layer.weight, x, axes=1) + layer.bias.reshape(-1, *ones)
             if i < len(self.layers) - 1:
                 x = jnp.tanh(x)

@@ -54,7 +54,11 @@ def cross_plane(course: Course, gate: int, start_w: Float[Array, "3 *B"], end_w:
 
 
 def cross_gates(
-    course: Course, start_w: Float[Array, "3 *B"], end_w: Float[Array, "3 *B"], target: Int[Array, "*B"], tolerance: Array
+    course: Course,
+    start_w: Float[Array, "3 *B"],
+    end_w: Float[Array, "3 *B"],
+    target: Int[Array, "*B"],
+    tolerance: Array | float,
 ) -> Crossing:
     """Crossings of the segment from `start_w` to `end_w`.
 

@@ -24,7 +24,9 @@ class Start(NamedTuple):
     gate: Int[Array, "*B"]  # the first gate to pass
 
 
-def start_grid(course: Course, key: Array, num_drones: int, batch: tuple[int, ...] = (), gate: int | None = None) -> Start:
+def start_grid(
+    course: Course, key: Array, num_drones: int, batch: tuple[int, ...] = (), gate: int | None = None
+) -> Start:
     """Random starts: a random gate (or `gate`), lanes drawn anew, everything jittered."""
     gate_key, back_key, lane_key, jitter_key = jax.random.split(key, 4)
     if gate is None:

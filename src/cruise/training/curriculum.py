@@ -23,7 +23,7 @@ class Phase:
 def _stages(config: TrainConfig) -> list[tuple[int, Stage, bool, bool]]:
     """(number, stage, alone, self_play) in order."""
     numbered = list(enumerate(CURRICULUM, start=1))
-    mode = config.self_play.mode
+    mode = config.opponents.self_play
     if config.vanilla:
         total = sum(stage.steps for stage in CURRICULUM)
         numbered = [(len(CURRICULUM), replace(CURRICULUM[-1], steps=total))]

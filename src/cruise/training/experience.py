@@ -98,7 +98,7 @@ def make_collect(env: RaceEnv, num_races: int, rollout_steps: int, episode_steps
             everyone = action[:, None]
             if env.num_drones > 1:
                 everyone = jnp.concatenate([everyone, opponent_actions(opponents, observation[:, 1:])], axis=1)
-            races, outcome = env.step(races, everyone, rules)
+            races, outcome = env.step(races, env.decode(races.next_gate, everyone), rules)
             terminated = outcome.terminated[ACTIVE]
             transition = Transitions(
                 own, action, log_prob(mean, model.log_std, action), value, outcome.reward[ACTIVE], terminated

@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 import optax
 import rlax
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from cruise.config import PPOConfig
 from cruise.pilots.network import ActorCritic
@@ -44,17 +44,19 @@ def make_batch(experience: Experience, config: PPOConfig) -> Batch:
     return Batch(t.observation, t.action, t.log_prob, advantage, advantage + t.value)
 
 
-def ppo_loss(model: ActorCritic, batch: Batch, config: PPOConfig) -> tuple[Array, dict[str, Array]]:
+def ppo_loss(
+    model: ActorCritic, batch: Batch, config: PPOConfig, entropy_weight: Array
+) -> tuple[Array, dict[str, Array]]:
     """Clipped surrogate + value error - entropy, over a minibatch whose components lead."""
     mean = model.mean_action(batch.observation)
     value = model.value(batch.observation)
     new_log_prob = log_prob(mean, model.log_std, batch.action)
     log_ratio = new_log_prob - batch.log_prob
     advantage = (batch.advantage - batch.advantage.mean()) / (batch.advantage.std() + 1e-8)
-    policy_loss = rlax.clipped_surrogate_pg_loss(jnp.exp(log_ratio).ravel(), advantage.ravel(), config.clip_ratio)
+    policy_loss = rlax.clipped_surrogate_pg_loss(jnp.exp(log_ratio), advantage, config.clip_ratio)
     value_loss = optax.l2_loss(value, batch.value_target).mean()
     entropy = (model.log_std + 0.5 * jnp.log(2 * jnp.pi * jnp.e)).sum()
-    loss = policy_loss + config.value_weight * 2 * value_loss - config.entropy_weight * entropy
+    loss = policy_loss + config.value_weight * 2 * value_loss - entropy_weight * entropy
     metrics = {
         "loss/policy": policy_loss,
         "loss/value": value_loss,
@@ -64,8 +66,14 @@ def ppo_loss(model: ActorCritic, batch: Batch, config: PPOConfig) -> tuple[Array
     return loss, metrics
 
 
+def _side_by_side(rows: Float[Array, "T *C E"], chosen: Int[Array, "K"]) -> Float[Array, "*C KE"]:
+    """The chosen time steps, joined along the races: one long batch axis, copied row by row."""
+    picked = [jax.lax.dynamic_index_in_dim(rows, chosen[i], keepdims=False) for i in range(chosen.shape[0])]
+    return jnp.concatenate(picked, axis=-1)
+
+
 def make_learn(
-    config: PPOConfig, optimiser: optax.GradientTransformation
+    config: PPOConfig, optimiser: optax.GradientTransformation, total_updates: int
 ) -> Callable[[TrainState, Experience], tuple[TrainState, dict[str, Array]]]:
     """A function that improves the model on one rollout.
 
@@ -74,21 +82,21 @@ def make_learn(
     """
     steps_per_minibatch = config.rollout_steps // config.minibatches
 
-    def learn_minibatch(carry: tuple, minibatch: Batch) -> tuple:
+    exploration = optax.linear_schedule(config.entropy_weight, 0.0, total_updates)
+
+    def learn_minibatch(carry: tuple, minibatch: Batch, entropy_weight: Array) -> tuple:
         model, opt_state = carry
-        gradient, metrics = jax.grad(ppo_loss, has_aux=True)(model, minibatch, config)
+        gradient, metrics = jax.grad(ppo_loss, has_aux=True)(model, minibatch, config, entropy_weight)
         updates, opt_state = optimiser.update(gradient, opt_state, model)
         return (optax.apply_updates(model, updates), opt_state), metrics
 
     def learn(state: TrainState, experience: Experience) -> tuple[TrainState, dict[str, Array]]:
         batch = make_batch(experience, config)
         key, shuffle_key = jax.random.split(state.key)
-
-        def rows(x: Array, chosen: Array) -> Array:
-            return jnp.moveaxis(x[chosen], 0, 1) if x.ndim == 3 else x[chosen]
+        entropy_weight = exploration(state.updates)
 
         def minibatch_step(carry: tuple, chosen: Array) -> tuple:
-            return learn_minibatch(carry, jax.tree.map(lambda x: rows(x, chosen), batch))
+            return learn_minibatch(carry, jax.tree.map(lambda x: _side_by_side(x, chosen), batch), entropy_weight)
 
         def epoch(carry: tuple, epoch_key: Array) -> tuple:
             order = jax.random.permutation(epoch_key, config.rollout_steps)

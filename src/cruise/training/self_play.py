@@ -72,8 +72,8 @@ def make_evaluate(env: RaceEnv, config: SelfPlayConfig) -> Evaluate:
     """A function that races the active policy against the opponents, all deterministic, under the stage's rules."""
 
     def evaluate(model: ActorCritic, opponents: ActorCritic, rules: Rules, alone: Array, key: Array) -> Score:
-        races = hide_opponents(env.reset(key, (config.races,)), alone)
-        nothing = jnp.zeros(config.races)
+        races = hide_opponents(env.reset(key, (config.evaluation_races,)), alone)
+        nothing = jnp.zeros(config.evaluation_races)
 
         def step(carry: tuple, _: None) -> tuple:
             races, seen = carry
@@ -81,11 +81,11 @@ def make_evaluate(env: RaceEnv, config: SelfPlayConfig) -> Evaluate:
             action = model.mean_action(observation[:, :1])
             if env.num_drones > 1:
                 action = jnp.concatenate([action, opponents.mean_action(observation[:, 1:])], axis=1)
-            after, outcome = env.step(races, action, rules)
+            after, outcome = env.step(races, env.decode(races.next_gate, action), rules)
             crossing = outcome.crossing
             return (after, _watch(seen, races, after, crossing.passed[ACTIVE], crossing.fraction[ACTIVE])), None
 
-        (races, seen), _ = jax.lax.scan(step, (races, _Watch(*[nothing] * 4)), length=config.race_steps)
+        (races, seen), _ = jax.lax.scan(step, (races, _Watch(*[nothing] * 4)), length=config.evaluation_steps)
         return _score(seen, races, env)
 
     return evaluate
@@ -94,10 +94,24 @@ def make_evaluate(env: RaceEnv, config: SelfPlayConfig) -> Evaluate:
 def replace_opponents(state: TrainState) -> TrainState:
     """phi_i <- theta_a. Races under way keep their opponents until they end."""
     pool = state.opponents
-    pool = OpponentPool(
-        newest=state.model, previous=pool.newest, uses_previous=jnp.ones_like(pool.uses_previous)
-    )
-    return state._replace(opponents=pool)
+    everywhere = jnp.ones_like(pool.uses_previous)
+    return state._replace(opponents=OpponentPool(state.model, pool.newest, everywhere, jnp.zeros_like(pool.failed)))
+
+
+def play_on(state: TrainState) -> TrainState:
+    """The opponents stay; count it."""
+    pool = state.opponents
+    return state._replace(opponents=pool._replace(failed=pool.failed + 1))
+
+
+def has_mastered(state: TrainState, score: Score, config: SelfPlayConfig) -> bool:
+    """Algorithm 1's condition w >= tau, or patience run out.
+
+    Against three equals a win rate of 0.6 may never come: without patience the active policy would go on learning to
+    race opponents that fly as nobody does any more.
+    """
+    impatient = 0 < config.patience <= int(state.opponents.failed) + 1
+    return score.win_rate >= config.win_threshold or impatient
 
 
 def may_replace(state: TrainState) -> bool:

@@ -16,7 +16,7 @@ from cruise.pilots.network import ActorCritic
 from cruise.training.curriculum import Phase, plan_phases
 from cruise.training.experience import hide_opponents, make_collect
 from cruise.training.ppo import make_learn, make_optimiser
-from cruise.training.self_play import Score, make_evaluate, may_replace, replace_opponents
+from cruise.training.self_play import Score, has_mastered, make_evaluate, may_replace, play_on, replace_opponents
 from cruise.training.types import OpponentPool, TrainState
 
 
@@ -45,16 +45,17 @@ class Trainer:
         self.phases = plan_phases(config)
         self.total_updates = self.phases[-1].last_update
         self.steps_per_update = config.ppo.races * config.ppo.rollout_steps
+        self.total_steps = self.total_updates * self.steps_per_update
         self.env: RaceEnv = make_race_env(track, config.drones, vehicle, config.observation, config.reward)
         self.optimiser = make_optimiser(config.ppo, self.total_updates)
         self.update = jax.jit(self._make_update())
-        self.evaluate = jax.jit(make_evaluate(self.env, config.self_play))
+        self.evaluate = jax.jit(make_evaluate(self.env, config.opponents))
         self.start = jax.jit(self._start)
 
     def _make_update(self):  # noqa: ANN202
         ppo = self.config.ppo
         collect = make_collect(self.env, ppo.races, ppo.rollout_steps, self.config.episode_steps)
-        learn = make_learn(ppo, self.optimiser)
+        learn = make_learn(ppo, self.optimiser, self.total_updates)
 
         def update(state: TrainState, rules: Rules, alone: Array) -> tuple[TrainState, dict[str, Array]]:
             state, experience = collect(state, rules, alone)
@@ -73,12 +74,16 @@ class Trainer:
         races = hide_opponents(races, jnp.asarray(self.phases[0].alone))
         races = races._replace(step=jax.random.randint(age_key, (ppo.races,), 0, self.config.episode_steps))
         nobody = jnp.zeros(ppo.races, bool)
-        pool = OpponentPool(model, model, nobody)
+        pool = OpponentPool(model, model, nobody, jnp.zeros((), jnp.int32))
         return TrainState(model, self.optimiser.init(model), pool, races, nobody, key, jnp.zeros((), jnp.int32))
 
     def initial_state(self) -> TrainState:
         """The state before the first update, a function of the seed."""
         return self.start(jax.random.key(self.config.seed))
+
+    def state_shape(self) -> TrainState:
+        """Shapes and types of a state, for reading a checkpoint."""
+        return jax.eval_shape(self._start, jax.random.key(0))
 
     def phase_of(self, update: int) -> Phase:
         """The phase in which update number `update` (from 0) is trained."""
@@ -109,7 +114,7 @@ class Trainer:
             yield Progress(state, phase, steps, metrics, score, replaced, phase_ended)
 
     def _evaluation_due(self, done: int) -> bool:
-        every = self.config.self_play.evaluate_every
+        every = self.config.opponents.evaluate_every
         return (done * self.steps_per_update) // every > ((done - 1) * self.steps_per_update) // every
 
     def _evaluate_and_replace(
@@ -118,10 +123,11 @@ class Trainer:
         key = jax.random.fold_in(jax.random.key(self.config.seed + 1), state.updates)
         score = self.evaluate(state.model, state.opponents.newest, rules, alone, key)
         score = Score(*(float(x) for x in score))
-        wins = phase.self_play and score.win_rate >= self.config.self_play.win_threshold
-        if wins and may_replace(state):
+        if not phase.self_play:
+            return score, state, False
+        if has_mastered(state, score, self.config.opponents) and may_replace(state):
             return score, replace_opponents(state), True
-        return score, state, False
+        return score, play_on(state), False
 
     def _check_finite(self, metrics: dict[str, Array], steps: int) -> None:
         bad = [name for name, value in metrics.items() if name.startswith("loss/") and not np.isfinite(value)]

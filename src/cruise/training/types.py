@@ -19,6 +19,7 @@ class OpponentPool(NamedTuple):
     newest: ActorCritic
     previous: ActorCritic
     uses_previous: Bool[Array, "E"]
+    failed: Int[Array, ""]  # evaluations since the last replacement
 
 
 class TrainState(NamedTuple):

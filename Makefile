@@ -1,0 +1,49 @@
+# make race     the shipped policies race: result table and race.png
+# make test     every test
+# make check    formatting, lint, types, import layers
+# Each makes .venv first, with the versions of constraints.txt. PYTHON=... chooses the interpreter (3.11 to 3.13).
+
+SUPPORTED := import sys, venv, ensurepip; sys.exit(not (3, 11) <= sys.version_info < (3, 14))
+PYTHON ?= $(firstword $(foreach p,python3.13 python3.12 python3.11 python3 python,$(shell $(p) -c '$(SUPPORTED)' 2>/dev/null && echo $(p))))
+VENV := .venv
+BIN := $(VENV)/bin
+INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable
+# Two cores are enough; more workers than cores only compile the same programs more often.
+WORKERS ?= 2
+
+.DEFAULT_GOAL := help
+.PHONY: help race test check clean
+
+help:
+	@sed -n 's/^# \(make .*\)/\1/p' Makefile
+
+race: $(VENV)/.installed
+	@$(BIN)/cruise race
+
+test: $(VENV)/.installed-dev
+	$(BIN)/python -m pytest -n $(WORKERS)
+
+check: $(VENV)/.installed-dev
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+clean:
+	rm -rf $(VENV) .jax_cache .mypy_cache .pytest_cache .ruff_cache .hypothesis
+
+$(VENV)/.made:
+	@$(if $(PYTHON),,echo "error: no Python 3.11, 3.12 or 3.13 with the modules venv and ensurepip found; name one with make PYTHON=/path/to/python3" >&2; exit 1)
+	@"$(PYTHON)" -c '$(SUPPORTED)' 2>/dev/null || { echo "error: $(PYTHON) is not Python 3.11, 3.12 or 3.13 with the modules venv and ensurepip" >&2; exit 1; }
+	"$(PYTHON)" -m venv --clear $(VENV)
+	@touch $@
+
+$(VENV)/.installed: $(VENV)/.made pyproject.toml constraints.txt
+	@echo "Installing CRUISE into $(VENV): a minute or two, once."
+	@$(INSTALL) .
+	@touch $@
+
+$(VENV)/.installed-dev: $(VENV)/.made pyproject.toml constraints.txt
+	@echo "Installing CRUISE and its development tools into $(VENV): a minute or two, once."
+	@$(INSTALL) '.[dev]'
+	@touch $@ $(VENV)/.installed

@@ -1,0 +1,105 @@
+"""The Python face of CRUISE: `import cruise`."""
+
+import os
+from collections.abc import Sequence
+
+from cruise.config import ObservationKind, RewardWeights, Track
+from cruise.env.race_env import RaceEnv, make_race_env
+from cruise.errors import CruiseError
+from cruise.evaluation import matches
+from cruise.evaluation.matches import PilotChoice
+from cruise.evaluation.summary import Evaluation
+from cruise.presets import VEHICLES
+from cruise.racing.track_file import load_track
+from cruise.storage.policy_file import load_policy
+from cruise.storage.race_log import RaceLog
+
+__all__ = ["evaluate", "load_policy", "load_track", "make_env", "race"]
+
+TrackChoice = Track | str | os.PathLike[str]
+
+
+def make_env(
+    track: TrackChoice = "ring",
+    drones: int = 4,
+    vehicle: str = "paper",
+    observation: ObservationKind = "extended",
+    reward: RewardWeights | None = None,
+) -> RaceEnv:
+    """Give the racing environment as pure functions that JAX can compile.
+
+    `env.reset(key, (E,))` starts E races, `env.observe(state)` is what the drones see `[O, N, E]`,
+    `env.step(state, action, rules)` advances one control step with actions `[A, N, E]` in the world's frame. Arrays
+    hold components first, then drones, then races.
+
+    Args:
+        track: a track, the name of a built-in one (`ring`, `figure-eight`), or the path of a TOML file.
+        drones: how many race.
+        vehicle: name of a preset.
+        observation: what `env.observe` gives.
+        reward: weights; by default those that the shipped policies were trained with.
+
+    Raises:
+        CruiseError: no such track or vehicle, or a number out of range.
+    """
+    if vehicle not in VEHICLES:
+        raise CruiseError(f"unknown vehicle {vehicle!r}; vehicles: {', '.join(VEHICLES)}")
+    if not 1 <= drones <= matches.MAX_DRONES:
+        raise CruiseError(f"drones must be from 1 to {matches.MAX_DRONES}, got {drones}")
+    return make_race_env(_track(track), drones, VEHICLES[vehicle], observation, reward)
+
+
+def race(
+    track: TrackChoice = "ring",
+    drones: int = 4,
+    pilots: PilotChoice | Sequence[PilotChoice] | None = None,
+    laps: int | None = None,
+    seed: int = 0,
+) -> RaceLog:
+    """Fly one race from a random standing start and give its log.
+
+    Args:
+        track: a track, the name of a built-in one, or the path of a TOML file.
+        drones: how many race.
+        pilots: a pilot, its name or the path of a policy, for all drones; or one per drone, fewer taking turns. By
+            default the policy shipped for this track and number of drones.
+        laps: by default the track's.
+        seed: the same seed gives the same race.
+
+    Returns:
+        The race as NumPy arrays; `log.save("race.npz")` keeps it.
+
+    Raises:
+        CruiseError: what was asked for does not exist or does not go together.
+    """
+    return next(matches.run_races(matches.make_match(_track(track), drones, pilots, laps), 1, seed))
+
+
+def evaluate(
+    track: TrackChoice = "ring",
+    drones: int = 4,
+    pilots: PilotChoice | Sequence[PilotChoice] | None = None,
+    episodes: int = 100,
+    seed: int = 0,
+) -> Evaluation:
+    """Measure pilots over many races, each from a fresh random start.
+
+    Args:
+        track: as for `race`.
+        drones: as for `race`.
+        pilots: as for `race`.
+        episodes: number of races.
+        seed: of the starts, which differ from those of training for every seed.
+
+    Returns:
+        Success, lap times, speeds, collisions and overtakes, each with mean, standard deviation and 95 % interval;
+        `to_dict()` is what `cruise evaluate --json` prints.
+
+    Raises:
+        CruiseError: what was asked for does not exist or does not go together.
+    """
+    return matches.evaluate(_track(track), drones, pilots, episodes, seed)
+
+
+def _track(choice: TrackChoice) -> Track:
+    return choice if isinstance(choice, Track) else load_track(choice)

@@ -1,0 +1,97 @@
+"""`cruise evaluate`: pilots measured over many races."""
+
+import json
+import math
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Column, Table
+
+from cruise.cli.compilation import use_compilation_cache
+from cruise.cli.line_up import LineUp
+
+if TYPE_CHECKING:
+    from cruise.evaluation.statistics import Estimate
+    from cruise.evaluation.summary import Evaluation
+
+
+@dataclass(frozen=True)
+class Evaluate:
+    """Measure pilots over many races, with confidence intervals."""
+
+    line_up: LineUp = field(default_factory=LineUp)
+    episodes: int = 100
+    """Races, each from a fresh random start."""
+    seed: int = 0
+    """Of the starts; they differ from those of training for every seed."""
+    json: bool = False
+    """Print one JSON object instead of a table."""
+
+    def run(self) -> int:
+        """Fly the races and print what they show."""
+        use_compilation_cache()
+        from cruise.evaluation.matches import evaluate_match  # noqa: PLC0415  (imports JAX)
+
+        evaluation = evaluate_match(self.line_up.match(), self.episodes, self.seed)
+        if self.json:
+            print(json.dumps(evaluation.to_dict(), indent=2, allow_nan=False))
+            return 0
+        console = Console()
+        console.print(measured_table(evaluation))
+        if len(evaluation.pilots) > 1:
+            console.print(pilot_table(evaluation))
+        return 0
+
+
+# What a row shows: its title, the field, the factor and the unit.
+ROWS = (
+    ("success, per drone", "success_rate", 100, "%"),
+    ("success, all drones", "all_success_rate", 100, "%"),
+    ("flying lap", "flying_lap_time", 1, "s"),
+    ("first lap, from standing", "first_lap_time", 1, "s"),
+    ("nominal lap, length / speed", "nominal_lap_time", 1, "s"),
+    ("mean speed", "mean_speed", 1, "m/s"),
+    ("top speed", "top_speed", 1, "m/s"),
+    ("collisions per race", "collisions_per_race", 1, ""),
+    ("missed gates per race", "missed_gates_per_race", 1, ""),
+    ("overtakes per race", "overtakes_per_race", 1, ""),
+)
+BY_KIND_AFTER = "collisions_per_race"
+
+
+def measured_table(evaluation: "Evaluation") -> Table:
+    """Everything measured, collisions by kind among it."""
+    numbers = (Column(title, justify="right") for title in ("mean", "std", "95 % interval"))
+    drones = f"{evaluation.drones} drone{'s' * (evaluation.drones != 1)}"
+    races = f"{evaluation.episodes} race{'s' * (evaluation.episodes != 1)}"
+    title = f"{evaluation.policy} on {evaluation.track}: {drones}, {races}, seed {evaluation.seed}"
+    table = Table("", *numbers, "", title=escape(title))
+    for name, key, factor, unit in ROWS:
+        table.add_row(name, *cells(getattr(evaluation, key), factor), unit)
+        for kind, estimate in evaluation.collisions_by_kind.items() if key == BY_KIND_AFTER else ():
+            table.add_row(f"  {kind.removeprefix('collision_').replace('_', ' ')}", *cells(estimate, 1), style="dim")
+    return table
+
+
+def pilot_table(evaluation: "Evaluation") -> Table:
+    """One row per pilot of a mixed field."""
+    titles = ("drones", "won %", "success %", "flying lap [s]", "mean speed [m/s]", "gates")
+    table = Table("pilot", *(Column(escape(title), justify="right") for title in titles))
+    for pilot in evaluation.pilots:
+        shares = [f"{100 * rate.mean:.1f}" for rate in (pilot.win_rate, pilot.success_rate)]
+        means = [number(e.mean) for e in (pilot.flying_lap_time, pilot.mean_speed, pilot.gates_passed)]
+        table.add_row(escape(pilot.name), str(pilot.drones), *shares, *means)
+    return table
+
+
+def cells(estimate: "Estimate", factor: float) -> tuple[str, str, str]:
+    """Mean, deviation and interval."""
+    mean, std, low, high = (number(factor * x) for x in (estimate.mean, estimate.std, estimate.low, estimate.high))
+    return mean, std, "-" if math.isnan(estimate.low) else f"{low} .. {high}"
+
+
+def number(value: float) -> str:
+    """Two decimals; a dash where nothing was measured."""
+    return "-" if math.isnan(value) else f"{value:.2f}"

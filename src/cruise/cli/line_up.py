@@ -1,0 +1,76 @@
+"""Who races where: the flags that `cruise race` and `cruise evaluate` share."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import tyro
+
+from cruise.config import Track
+from cruise.errors import CruiseError
+from cruise.presets import TRACKS
+from cruise.racing.track_file import load_track
+
+if TYPE_CHECKING:
+    from cruise.evaluation.matches import Match
+    from cruise.storage.policy_file import PolicyMeta
+
+DEFAULT_TRACK = "ring"
+DEFAULT_DRONES = 4
+
+
+def described(metavar: str) -> Any:
+    """How help shows a flag whose description says its default."""
+    return tyro.conf.arg(metavar=metavar, help_behavior_hint="")
+
+
+@dataclass(frozen=True)
+class LineUp:
+    """Who races where."""
+
+    track: Annotated[str | None, described("NAME|FILE")] = None
+    """Built-in track, or path of a TOML file. By default the one the policy was trained on, or ring."""
+    drones: Annotated[int | None, described("N")] = None
+    """How many drones race. By default as many as the policy was trained for, or 4."""
+    policy: Annotated[str | None, described("NAME|PATH")] = None
+    """Flies every drone: a shipped policy, a .safetensors file or the folder of a run. By default the one shipped."""
+    pilot: Annotated[tuple[str, ...], tyro.conf.UseAppendAction, described("NAME|PATH")] = ()
+    """Flies one drone: a policy as above, or chaser or hover. Repeat it, once per drone; fewer take turns."""
+
+    def match(self, laps: int | None = None) -> "Match":
+        """The match that the flags describe. Raises CruiseError where they do not go together."""
+        from cruise.evaluation.matches import make_match  # noqa: PLC0415  (imports JAX)
+
+        if self.policy is not None and self.pilot:
+            raise CruiseError("--policy flies every drone and --pilot one of them: give one or the other")
+        choices = [self.policy] if self.policy is not None else list(self.pilot)
+        metas = _metas(choices)
+        track = load_track(self.track) if self.track is not None else _usual_track(metas)
+        drones = self.drones if self.drones is not None else _usual_drones(metas, choices)
+        return make_match(track, drones, choices or None, laps)
+
+
+def _metas(choices: list[str]) -> "list[PolicyMeta]":
+    """What the trained ones among the pilots are."""
+    from cruise.pilots.scripted import SCRIPTED  # noqa: PLC0415
+    from cruise.storage.policy_file import read_meta  # noqa: PLC0415
+
+    return [read_meta(choice) for choice in dict.fromkeys(choices) if choice not in SCRIPTED]
+
+
+def _usual_track(metas: "list[PolicyMeta]") -> Track:
+    if not metas:
+        return TRACKS[DEFAULT_TRACK]
+    meta = metas[0]
+    trained_on = meta.config.get("track", meta.track)
+    if meta.track in TRACKS:
+        return TRACKS[meta.track]
+    if isinstance(trained_on, str) and Path(trained_on).is_file():
+        return load_track(trained_on)
+    raise CruiseError(f"policy {meta.name!r} was trained on track {meta.track!r}, not a built-in one: give its --track")
+
+
+def _usual_drones(metas: "list[PolicyMeta]", choices: list[str]) -> int:
+    if metas:
+        return metas[0].drones
+    return len(choices) if len(choices) > 1 else DEFAULT_DRONES

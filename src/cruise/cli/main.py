@@ -1,0 +1,112 @@
+"""The command `cruise`: finds the sub-command, parses its flags, runs it, turns errors into one line and an exit code.
+
+A sub-command is a frozen dataclass in a module of its own, with a method `run() -> int` that gives the exit code. Only
+the module of the sub-command at hand is imported, so that `cruise --help` and `cruise tracks` need no JAX.
+"""
+
+import difflib
+import functools
+import importlib
+import operator
+import os
+import signal
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any, NamedTuple, Protocol, runtime_checkable
+
+import tyro
+
+from cruise import __version__
+from cruise.errors import CruiseError
+
+BAD_INPUT = 2
+BROKEN_PIPE = 128 + signal.SIGPIPE
+INTERRUPTED = 128 + signal.SIGINT
+
+
+@runtime_checkable
+class Command(Protocol):
+    """A parsed sub-command."""
+
+    def run(self) -> int:
+        """Do it and give the exit code."""
+
+
+class Entry(NamedTuple):
+    """Where a sub-command lives."""
+
+    module: str
+    dataclass: str
+    summary: str
+
+
+COMMANDS = {
+    "race": Entry("cruise.cli.race", "Race", "Race policies against each other; print the result and draw it."),
+    "train": Entry("cruise.cli.train", "Train", "Train a policy through the curriculum, or resume a run."),
+    "evaluate": Entry("cruise.cli.evaluate", "Evaluate", "Measure pilots over many races, with confidence intervals."),
+    "tracks": Entry("cruise.cli.tracks", "Tracks", "List, show and check tracks."),
+    "policies": Entry("cruise.cli.policies", "Policies", "List the shipped policies."),
+}
+
+
+@dataclass(frozen=True)
+class Unused:
+    """Stands for a sub-command whose module is not needed."""
+
+    def run(self) -> int:
+        """Never called: the parser chooses the sub-command that was loaded."""
+        raise AssertionError("a sub-command that was not loaded was chosen")
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run `cruise` with `argv`, or the process's own arguments, and give the exit code.
+
+    0 is success, 1 a negative finding (as `cruise tracks check` has), 2 bad input, 130 Ctrl-C.
+    """
+    arguments = list(sys.argv[1:] if argv is None else argv)
+    if arguments == ["--version"]:
+        print(f"cruise {__version__}")
+        return 0
+    try:
+        code = _parse(arguments).run()
+        sys.stdout.flush()
+        return code
+    except CruiseError as error:
+        return _complain(str(error))
+    except KeyboardInterrupt:
+        return _complain("interrupted", INTERRUPTED)
+    except BrokenPipeError:
+        # Whoever read our output has gone; flushing what is left at exit would fail again.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return BROKEN_PIPE
+    except SystemExit as stop:
+        return stop.code if isinstance(stop.code, int) else BAD_INPUT if stop.code else 0
+
+
+def _parse(arguments: list[str]) -> Command:
+    """Flags to the dataclass of the chosen sub-command."""
+    chosen = arguments[0] if arguments else "--help"
+    if chosen not in COMMANDS and not chosen.startswith("-"):
+        close = difflib.get_close_matches(chosen, COMMANDS, n=1)
+        hint = f"did you mean {close[0]!r}? " if close else ""
+        raise CruiseError(f"unknown command {chosen!r}: {hint}commands: {', '.join(COMMANDS)} (see cruise --help)")
+    kinds = [_described(name, entry, load=name == chosen) for name, entry in COMMANDS.items()]
+    command: Command = tyro.cli(
+        functools.reduce(operator.or_, kinds),
+        prog="cruise",
+        description="Learning to race drones against drones.",
+        args=arguments,
+        config=(tyro.conf.OmitArgPrefixes, tyro.conf.OmitSubcommandPrefixes),
+    )
+    return command
+
+
+def _described(name: str, entry: Entry, load: bool) -> Any:
+    kind = getattr(importlib.import_module(entry.module), entry.dataclass) if load else Unused
+    return Annotated[kind, tyro.conf.subcommand(name, description=entry.summary)]
+
+
+def _complain(message: str, code: int = BAD_INPUT) -> int:
+    print(f"error: {' '.join(message.splitlines())}", file=sys.stderr)
+    return code

@@ -1,0 +1,108 @@
+"""`cruise tracks list | show NAME | check FILE`."""
+
+import math
+import sys
+from dataclasses import dataclass
+from typing import Annotated
+
+import tyro
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Column, Table
+
+from cruise.config import Track
+from cruise.presets import TRACKS
+from cruise.racing.track_file import document_faults, load_track, read_document, track_faults
+from cruise.racing.track_geometry import lap_length, segment_lengths
+from cruise.racing.track_schema import shown
+
+TrackArgument = Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="NAME|FILE")]
+
+
+@dataclass(frozen=True)
+class List:
+    """List the built-in tracks."""
+
+    def run(self) -> int:
+        """Print a table of names, gates, lengths and laps."""
+        table = Table("track", *(_right(title) for title in ("gates", "lap [m]", "laps")))
+        for track in TRACKS.values():
+            table.add_row(track.name, str(len(track.gates)), f"{lap_length(track.gates):.2f}", str(track.laps))
+        Console().print(table)
+        return 0
+
+
+@dataclass(frozen=True)
+class Show:
+    """Show the gates of a track."""
+
+    track: TrackArgument
+    """Name of a built-in track, or path of a TOML file."""
+
+    def run(self) -> int:
+        """Print a table of gates, then the lap and the limits."""
+        track = load_track(self.track)
+        Console().print(_gate_table(track))
+        print(_summary(track))
+        print(f"bounds {_corner(track.bounds_low)} to {_corner(track.bounds_high)} m")
+        print(f"gate frames {track.frame_width:g} m wide")
+        print(f"a drone farther than {track.leave_distance:g} m from every gate has left the track")
+        return 0
+
+
+@dataclass(frozen=True)
+class Check:
+    """Check a track file: exit code 0 and a summary, or 1 and every fault on a line of its own."""
+
+    track: TrackArgument
+    """Path of a TOML file, or name of a built-in track."""
+
+    def run(self) -> int:
+        """Print the summary, or the faults to standard error."""
+        builtin = TRACKS.get(self.track)
+        faults = track_faults(builtin) if builtin else document_faults(read_document(self.track))
+        for fault in faults:
+            print(f"{shown(self.track)}: {fault}", file=sys.stderr)
+        if faults:
+            return 1
+        print(f"{shown(self.track)}: no faults; {_summary(load_track(self.track))}")
+        return 0
+
+
+@dataclass(frozen=True)
+class Tracks:
+    """List, show and check tracks."""
+
+    command: (
+        Annotated[List, tyro.conf.subcommand("list")]
+        | Annotated[Show, tyro.conf.subcommand("show")]
+        | Annotated[Check, tyro.conf.subcommand("check")]
+    )
+
+    def run(self) -> int:
+        """Run the sub-command and give its exit code."""
+        return self.command.run()
+
+
+def _gate_table(track: Track) -> Table:
+    titles = ("gate", "x", "y", "z", "yaw", "width", "height", "to next")
+    table = Table(*(_right(title) for title in titles), title=escape(f"{track.name} (metres, degrees)"))
+    for number, (gate, way) in enumerate(zip(track.gates, segment_lengths(track.gates), strict=True), start=1):
+        yaw = math.degrees(math.remainder(gate.yaw, 2 * math.pi))
+        numbers = (*gate.position_w, yaw, gate.width, gate.height, way)
+        table.add_row(str(number), *(f"{value:.2f}" for value in numbers))
+    return table
+
+
+def _right(title: str) -> Column:
+    return Column(escape(title), justify="right")
+
+
+def _summary(track: Track) -> str:
+    gates = "1 gate" if len(track.gates) == 1 else f"{len(track.gates)} gates"
+    laps = "1 lap" if track.laps == 1 else f"{track.laps} laps"
+    return f"{track.name}: {gates}, {lap_length(track.gates):.2f} m a lap, {laps}"
+
+
+def _corner(corner: tuple[float, float, float]) -> str:
+    return f"({', '.join(f'{value:g}' for value in corner)})"

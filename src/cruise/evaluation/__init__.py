@@ -1,0 +1,1 @@
+"""Pilots compared by the logs of their races."""

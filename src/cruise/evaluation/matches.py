@@ -1,0 +1,165 @@
+"""Races flown for their logs, and pilots evaluated over many of them."""
+
+import functools
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import jax
+
+from cruise.config import Track, Vehicle
+from cruise.env.race_env import RaceEnv, make_race_env
+from cruise.errors import CruiseError
+from cruise.evaluation.metrics import race_result
+from cruise.evaluation.summary import Evaluation, summarise
+from cruise.pilots.base import Pilot
+from cruise.pilots.scripted import SCRIPTED
+from cruise.presets import VEHICLES
+from cruise.racing.track_geometry import lap_length
+from cruise.rollout import fly, team_rules
+from cruise.storage.policy_file import load_policy, read_meta, shipped_name
+from cruise.storage.race_log import RaceLog
+from cruise.storage.recorder import RaceInfo, race_logs
+
+PilotChoice = str | os.PathLike[str] | Pilot
+StrPath = str | os.PathLike[str]
+
+TIME_LIMIT = 150.0  # of a race, at least [s]
+SLOWEST = 1.25  # longer races get the time that this mean speed needs [m/s]
+MAX_DRONES = 64
+DRONES_IN_BATCH = 1024  # flown at once; bounds memory, not the number of races
+STREAM = 0x5EED  # keeps the starts of races apart from every start seen in training, whatever the seeds
+
+
+@dataclass(frozen=True)
+class Match:
+    """Who races whom, where, and for how long."""
+
+    track: Track
+    team: tuple[Pilot, ...]  # one pilot per drone
+    laps: int
+
+    @property
+    def vehicle(self) -> Vehicle:
+        """The one that all pilots were made for."""
+        return VEHICLES[self.team[0].vehicle]
+
+    @property
+    def time_limit(self) -> float:
+        """When a race ends at the latest [s]."""
+        return max(TIME_LIMIT, self.laps * lap_length(self.track.gates) / SLOWEST)
+
+
+def find_pilot(choice: PilotChoice) -> Pilot:
+    """A pilot by name or path: `chaser`, `hover`, or what `load_policy` takes. A pilot is given back as it is."""
+    if not isinstance(choice, str | os.PathLike):
+        return choice
+    name = os.fspath(choice)
+    return SCRIPTED[name] if name in SCRIPTED else load_policy(choice)
+
+
+def make_match(
+    track: Track, drones: int, pilots: PilotChoice | Sequence[PilotChoice] | None = None, laps: int | None = None
+) -> Match:
+    """Put a match together.
+
+    Args:
+        track: where.
+        drones: how many.
+        pilots: one pilot for all drones, or one per drone; fewer than drones are repeated in turn. By default the
+            policy shipped for this track and number of drones.
+        laps: by default the track's.
+
+    Raises:
+        CruiseError: a number out of range, more pilots than drones, no such pilot, or pilots of different vehicles.
+    """
+    laps = track.laps if laps is None else laps
+    _in_range("drones", drones, 1, MAX_DRONES)
+    _in_range("laps", laps, 1, 1000)
+    if pilots is None:
+        pilots = shipped_name(track.name, drones)
+    choices: list[Any] = list(pilots) if isinstance(pilots, list | tuple) else [pilots]
+    if not 1 <= len(choices) <= drones:
+        raise CruiseError(f"{len(choices)} pilots for {drones} drones: give one for all, or at most one per drone")
+    found = {_identity(choice): find_pilot(choice) for choice in choices}
+    team = tuple(found[_identity(choices[drone % len(choices)])] for drone in range(drones))
+    vehicles = {pilot.vehicle for pilot in team}
+    if len(vehicles) > 1:
+        raise CruiseError(f"pilots of different vehicles cannot race each other: {', '.join(sorted(vehicles))}")
+    return Match(track, team, laps)
+
+
+def _identity(choice: Any) -> Any:
+    """The same name or path is the same pilot, so that it flies its drones in one batch."""
+    return os.fspath(choice) if isinstance(choice, str | os.PathLike) else id(choice)
+
+
+def run_races(match: Match, races: int, seed: int) -> Iterator[RaceLog]:
+    """Fly races from fresh random starts and give their logs, the same for the same seed.
+
+    Raises:
+        CruiseError: a number out of range, or a pilot that does not fit the race.
+    """
+    _in_range("number of races", races, 1, 1_000_000)
+    _in_range("seed", seed, 0, 2**32 - 1)
+    drones = len(match.team)
+    batch = min(races, max(1, DRONES_IN_BATCH // drones))
+    key = jax.random.fold_in(jax.random.key(seed), STREAM)
+    for first in range(0, races, batch):
+        logs = _fly_batch(match, jax.random.fold_in(key, first // batch), batch)
+        yield from logs[: races - first]
+
+
+def _fly_batch(match: Match, key: jax.Array, batch: int) -> list[RaceLog]:
+    vehicle, team = match.vehicle, match.team
+    env = race_env(match.track, len(team), vehicle)
+    rules = team_rules(team, vehicle.collision_distance, match.laps * len(match.track.gates) + 1, (batch,))
+    flight = fly(env, team, rules, key, round(match.time_limit / vehicle.control_dt), (batch,))
+    names = tuple(pilot.name for pilot in team)
+    return race_logs(flight, RaceInfo(match.track, match.laps, vehicle.name, vehicle.collision_distance, names))
+
+
+@functools.lru_cache(maxsize=8)
+def race_env(track: Track, drones: int, vehicle: Vehicle) -> RaceEnv:
+    """The environment of a race; the same one for the same arguments, so that nothing is compiled twice."""
+    return make_race_env(track, drones, vehicle)
+
+
+def evaluate_match(match: Match, episodes: int, seed: int) -> Evaluation:
+    """Fly `episodes` races and measure them."""
+    results = [race_result(log) for log in run_races(match, episodes, seed)]
+    return summarise(match.track, tuple(pilot.name for pilot in match.team), results, seed)
+
+
+def evaluate(
+    track: Track,
+    drones: int,
+    pilots: PilotChoice | Sequence[PilotChoice] | None = None,
+    episodes: int = 100,
+    seed: int = 0,
+) -> Evaluation:
+    """Measure pilots over races of the track's laps from standing, with true openings and final collisions.
+
+    Args:
+        track: where.
+        drones: how many race each other.
+        pilots: as for `make_match`.
+        episodes: number of races, each from a fresh random start.
+        seed: of the starts. They differ from those of training for every seed.
+
+    Raises:
+        CruiseError: as `make_match` and `run_races`.
+    """
+    return evaluate_match(make_match(track, drones, pilots), episodes, seed)
+
+
+def evaluate_policy(policy: StrPath, track: Track, episodes: int = 100, seed: int = 0) -> dict[str, Any]:
+    """What `cruise evaluate --json` prints for a policy on `track`, with as many drones as it was trained for."""
+    return evaluate(track, read_meta(policy).drones, Path(policy), episodes, seed).to_dict()
+
+
+def _in_range(name: str, value: int, low: int, high: int) -> None:
+    if not low <= value <= high:
+        raise CruiseError(f"{name} must be from {low} to {high}, got {value}")

@@ -1,0 +1,139 @@
+"""What a race log says of its drones. Plain NumPy; every definition is in `docs/race-log.md`."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cruise.storage.race_log import COLLISIONS, EVENT_KINDS, NOBODY, EventKind, RaceLog
+
+NAN = float("nan")
+FATES = {
+    "collision_drone": "hit a drone",
+    "collision_ground": "hit the ground",
+    "collision_gate_frame": "hit a gate",
+    "collision_bounds": "left the track",
+    "collision_flip": "flipped over",
+}
+
+
+@dataclass(frozen=True)
+class DroneResult:
+    """One drone in one race. Times in s, NaN where there is none."""
+
+    finished: bool  # all laps, without a collision
+    collision: str  # kind of the collision that ended its race, "" where none did
+    gates_passed: int
+    missed_gates: int
+    finish_time: float
+    last_crossing: float
+    first_lap_time: float  # from standing to the end of lap 1
+    flying_lap_times: tuple[float, ...]  # of laps 2, 3 ...
+    mean_speed: float  # over the time in the air [m/s]
+    top_speed: float  # [m/s]
+
+    @property
+    def fate(self) -> str:
+        """How its race ended, in two or three words."""
+        return "finished" if self.finished else FATES.get(self.collision, "time limit")
+
+    @property
+    def flying_lap_time(self) -> float:
+        """Mean of the flying laps."""
+        return float(np.mean(self.flying_lap_times)) if self.flying_lap_times else NAN
+
+    @property
+    def best_lap(self) -> float:
+        """Fastest lap, the standing one included."""
+        laps = [lap for lap in (self.first_lap_time, *self.flying_lap_times) if not np.isnan(lap)]
+        return min(laps, default=NAN)
+
+
+@dataclass(frozen=True)
+class RaceResult:
+    """One race."""
+
+    drones: tuple[DroneResult, ...]
+    collisions: dict[str, int]  # by kind; two drones that hit each other are one collision
+    overtakes: int
+    ranking: tuple[int, ...]  # drones, best first
+
+    @property
+    def winner(self) -> int:
+        """The drone that finished first, or -1."""
+        best = self.ranking[0]
+        return best if self.drones[best].finished else NOBODY
+
+
+def race_result(log: RaceLog) -> RaceResult:
+    """All results of a race."""
+    drones = tuple(_drone_result(log, drone) for drone in range(log.num_drones))
+    return RaceResult(drones, count_collisions(log), count_overtakes(crossing_times(log)), _ranking(drones))
+
+
+def events_of(log: RaceLog, kind: EventKind, drone: int) -> np.ndarray:
+    """Times of a drone's events of one kind, in order [s]."""
+    return log.event_time[(log.event_kind == kind) & (log.event_drone == drone)]
+
+
+def _drone_result(log: RaceLog, drone: int) -> DroneResult:
+    crossings, finish = events_of(log, EventKind.CROSSING, drone), events_of(log, EventKind.FINISH, drone)
+    ends = crossings[log.num_gates :: log.num_gates]  # of laps 1, 2, ...
+    speed = np.linalg.norm(log.velocity_w[log.airborne[:, drone], drone].astype(np.float64), axis=1)
+    return DroneResult(
+        finished=len(finish) > 0,
+        collision=_collision(log, drone),
+        gates_passed=len(crossings),
+        missed_gates=len(events_of(log, EventKind.MISSED_GATE, drone)),
+        finish_time=float(finish[0]) if len(finish) else NAN,
+        last_crossing=float(crossings[-1]) if len(crossings) else NAN,
+        first_lap_time=float(ends[0]) if len(ends) else NAN,
+        flying_lap_times=tuple(np.diff(ends).tolist()),
+        mean_speed=float(speed.mean()) if len(speed) else NAN,
+        top_speed=float(speed.max()) if len(speed) else NAN,
+    )
+
+
+def _collision(log: RaceLog, drone: int) -> str:
+    """Kind of the first collision of a drone."""
+    kinds = [EVENT_KINDS[kind] for kind in log.event_kind[log.event_drone == drone]]
+    return next((kind for kind in kinds if kind in COLLISIONS), "")
+
+
+def count_collisions(log: RaceLog) -> dict[str, int]:
+    """Collisions by kind; a pair of drones counts once."""
+    counts = {name: int((log.event_kind == EVENT_KINDS.index(name)).sum()) for name in COLLISIONS}
+    between = log.event_kind == EventKind.COLLISION_DRONE
+    pairs = np.sort(np.stack([log.event_drone[between], log.event_other[between]]), axis=0)
+    return counts | {"collision_drone": len(np.unique(pairs, axis=1).T)}
+
+
+def crossing_times(log: RaceLog) -> np.ndarray:
+    """[N, C] time of every drone's crossing number c, NaN where it has none [s]."""
+    times = np.full((log.num_drones, log.gates_to_finish), NAN)
+    for drone, row in enumerate(times):
+        mine = events_of(log, EventKind.CROSSING, drone)[: len(row)]
+        row[: len(mine)] = mine
+    return times
+
+
+def count_overtakes(times: np.ndarray) -> int:
+    """Pairs of drones in one order at a crossing and in the other at the next, summed over the race."""
+    order = np.sign(times[:, None] - times[None])
+    return int((order[..., 1:] * order[..., :-1] < 0).sum()) // 2
+
+
+def _ranking(drones: tuple[DroneResult, ...]) -> tuple[int, ...]:
+    """By finish; then by gates passed; then by who passed the last of them first."""
+
+    def key(drone: int) -> tuple[float, int, float]:
+        result = drones[drone]
+        finish = result.finish_time if result.finished else np.inf
+        return finish, -result.gates_passed, np.nan_to_num(result.last_crossing, nan=np.inf)
+
+    return tuple(sorted(range(len(drones)), key=key))
+
+
+def lap_length(log: RaceLog) -> float:
+    """Length of the closed polygon through the gates [m]."""
+    corners = log.gate_position
+    return float(np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1).sum())

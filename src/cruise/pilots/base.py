@@ -1,0 +1,67 @@
+"""The one interface of everything that can fly a race."""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple, Protocol
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from cruise.env.race_env import RaceEnv
+from cruise.env.types import RaceState
+
+Memory = Any  # a pytree of arrays that the pilot carries from step to step; () when it needs none
+
+
+class Pilot(Protocol):
+    """Flies one drone or several of a race; pure functions that JAX can trace.
+
+    A pilot is a pytree, so that one compiled rollout serves every set of parameters. `drones` are the static indices of
+    the drones it flies; all arrays it meets are component-first and batch-last.
+    """
+
+    @property
+    def name(self) -> str:
+        """What result tables call it."""
+        ...
+
+    @property
+    def agility(self) -> float:
+        """Scale of its actions, alpha [m/s^2 in the paper's vehicle]."""
+        ...
+
+    @property
+    def vehicle(self) -> str:
+        """Name of the vehicle preset it was made for."""
+        ...
+
+    def init(self, env: RaceEnv, drones: tuple[int, ...], state: RaceState) -> Memory:
+        """Memory at the start of a race. Raises CruiseError where the pilot cannot fly in this environment."""
+        ...
+
+    def act(
+        self, env: RaceEnv, drones: tuple[int, ...], memory: Memory, state: RaceState, key: Array
+    ) -> tuple[Memory, Float[Array, "A n *B"]]:
+        """New memory and an action in [-1, 1] for each of the `n = len(drones)` drones it flies."""
+        ...
+
+
+class Crew(NamedTuple):
+    """A pilot and the drones it flies."""
+
+    pilot: Pilot
+    drones: tuple[int, ...]
+
+
+def crews(team: Sequence[Pilot]) -> tuple[Crew, ...]:
+    """The team, one pilot per drone, with equal pilots put together so that they act in one batch."""
+    drones: dict[int, list[int]] = {}
+    for drone, pilot in enumerate(team):
+        drones.setdefault(id(pilot), []).append(drone)
+    return tuple(Crew(team[flown[0]], tuple(flown)) for flown in drones.values())
+
+
+def rows(values: Array, drones: tuple[int, ...], axis: int) -> Array:
+    """The entries of some drones along the drone axis; no gather where they are all drones."""
+    if drones == tuple(range(values.shape[axis])):
+        return values
+    return values.take(jnp.array(drones), axis=axis)

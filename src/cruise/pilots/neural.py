@@ -1,0 +1,57 @@
+"""A trained policy as a pilot."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from cruise.config import ObservationKind
+from cruise.env.race_env import RaceEnv
+from cruise.env.types import RaceState
+from cruise.errors import CruiseError
+from cruise.pilots.base import Memory, rows
+from cruise.pilots.network import ActorCritic
+
+
+class NeuralPilot(eqx.Module):
+    """Flies by the mean action of an actor network, turned into the world's frame and clipped to [-1, 1].
+
+    A policy knows its number of drones, because the size of what it sees depends on it.
+    """
+
+    params: ActorCritic
+    observation: ObservationKind = eqx.field(static=True)
+    drones: int = eqx.field(static=True)  # in the races it was trained for
+    agility: float = eqx.field(static=True)
+    name: str = eqx.field(static=True)
+    vehicle: str = eqx.field(static=True, default="paper")
+
+    def init(self, env: RaceEnv, drones: tuple[int, ...], state: RaceState) -> Memory:
+        """No memory. Raises CruiseError where the policy does not fit the race."""
+        del drones
+        if self.drones != env.num_drones:
+            raise CruiseError(
+                f"policy {self.name!r} was trained for races of {self.drones} drones, this race has {env.num_drones}"
+            )
+        seen = jax.eval_shape(env.observe_as[self.observation], state).shape[0]
+        takes, gives = self.params.actor.layers[0].in_features, self.params.actor.layers[-1].out_features
+        if takes != seen:
+            raise CruiseError(
+                f"policy {self.name!r} reads {takes} numbers, but the {self.observation!r} observation has {seen} in "
+                f"this race of {env.num_drones} drones and {env.course.num_gates} gates"
+            )
+        if gives != env.dynamics.action_size:
+            raise CruiseError(
+                f"policy {self.name!r} gives {gives} numbers, but this vehicle's action has {env.dynamics.action_size}"
+            )
+        return ()
+
+    def act(
+        self, env: RaceEnv, drones: tuple[int, ...], memory: Memory, state: RaceState, key: Array
+    ) -> tuple[Memory, Float[Array, "A n *B"]]:
+        """The deterministic action for each of its drones."""
+        del key
+        observation = rows(env.observe_as[self.observation](state), drones, axis=1)
+        action = self.params.mean_action(observation)
+        action = env.decode_as[self.observation](rows(state.next_gate, drones, axis=0), action)
+        return memory, jnp.clip(action, -1.0, 1.0)

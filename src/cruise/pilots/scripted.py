@@ -1,0 +1,122 @@
+"""Pilots written by hand for the paper's vehicle: references to race against and to test with."""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from cruise.env.race_env import RaceEnv
+from cruise.env.types import RaceState
+from cruise.errors import CruiseError
+from cruise.pilots.base import Memory, Pilot, rows
+from cruise.racing.course import Course, pick
+from cruise.racing.field import opponent, opponents
+from cruise.vector import norm
+
+EPSILON = 1e-6
+
+
+def _require_paper_vehicle(name: str, env: RaceEnv) -> None:
+    if env.dynamics.action_size != 3:
+        raise CruiseError(
+            f"pilot {name!r} commands 3 accelerations, this vehicle takes {env.dynamics.action_size} numbers"
+        )
+
+
+def track_velocity(velocity_w: Array, wanted_w: Float[Array, "3 n *B"], gain: float) -> Float[Array, "3 n *B"]:
+    """Action proportional to the error of velocity [m/s], clipped to [-1, 1]; `gain` in [s/m]."""
+    return jnp.clip(gain * (wanted_w - velocity_w), -1.0, 1.0)
+
+
+class Hover(eqx.Module):
+    """Stays where it started."""
+
+    name: str = eqx.field(static=True, default="hover")
+    agility: float = eqx.field(static=True, default=7.5)
+    vehicle: str = eqx.field(static=True, default="paper")
+    velocity_gain: float = eqx.field(static=True, default=0.5)  # [s/m]
+    position_gain: float = eqx.field(static=True, default=0.3)  # [1/s]
+
+    def init(self, env: RaceEnv, drones: tuple[int, ...], state: RaceState) -> Memory:
+        """Where its drones start."""
+        _require_paper_vehicle(self.name, env)
+        return rows(state.drones.position_w, drones, axis=1)
+
+    def act(
+        self, env: RaceEnv, drones: tuple[int, ...], memory: Memory, state: RaceState, key: Array
+    ) -> tuple[Memory, Float[Array, "3 n *B"]]:
+        """Towards the start, as fast as it is far."""
+        del env, key
+        offset = memory - rows(state.drones.position_w, drones, axis=1)
+        velocity = rows(state.drones.velocity_w, drones, axis=1)
+        return memory, track_velocity(velocity, self.position_gain * offset, self.velocity_gain)
+
+
+class Chaser(eqx.Module):
+    """Chases gate after gate: a reference of constant speed towards and through the opening, tracked proportionally.
+
+    It gives way to drones close by, by a push away from them, but plans nothing.
+    """
+
+    name: str = eqx.field(static=True, default="chaser")
+    agility: float = eqx.field(static=True, default=7.5)
+    vehicle: str = eqx.field(static=True, default="paper")
+    speed: float = eqx.field(static=True, default=2.5)  # [m/s]
+    velocity_gain: float = eqx.field(static=True, default=0.8)  # [s/m]
+    lead: float = eqx.field(static=True, default=0.5)  # aims this share of its distance in front of the gate
+    clearance: float = eqx.field(static=True, default=1.5)  # gives way to drones nearer than this [m]
+    push: float = eqx.field(static=True, default=2.0)  # reference velocity away from a drone, per metre too near [1/s]
+
+    def init(self, env: RaceEnv, drones: tuple[int, ...], state: RaceState) -> Memory:
+        """No memory."""
+        del drones, state
+        _require_paper_vehicle(self.name, env)
+        return ()
+
+    def act(
+        self, env: RaceEnv, drones: tuple[int, ...], memory: Memory, state: RaceState, key: Array
+    ) -> tuple[Memory, Float[Array, "3 n *B"]]:
+        """Track the velocity that leads through the gate, plus the push away from others."""
+        del key
+        position, velocity = state.drones.position_w, state.drones.velocity_w
+        to_aim = aim_point(env.course, state.next_gate, position, self.lead) - position
+        wanted = self.speed * to_aim / (norm(to_aim) + EPSILON)
+        wanted += push_apart(position, state.airborne, self.clearance, self.push)
+        wanted = wanted.at[2].max(FLOOR - position[2])
+        return memory, rows(track_velocity(velocity, wanted, self.velocity_gain), drones, axis=1)
+
+
+BEHIND = 0.1  # a drone less than this before the gate's plane, and not in line with the opening, flies around [m]
+AROUND = 3.0  # way point of the detour: this far before the gate and this far to the side [m]
+FLOOR = 0.4  # sinks towards this height ever more slowly, and climbs below it [m]
+THROUGH = 1.0  # a drone in line with the opening aims at least this far behind it [m]
+
+
+def aim_point(course: Course, gate: Array, position_w: Float[Array, "3 *B"], lead: float) -> Float[Array, "3 *B"]:
+    """Where to fly for a gate: on its axis, before it while far, through it when near; around it from behind [m]."""
+    centre, normal = pick(course.position_w, gate), pick(course.normal_w, gate)
+    offset = position_w - centre
+    forward = normal[0] * offset[0] + normal[1] * offset[1]
+    left = normal[0] * offset[1] - normal[1] * offset[0]
+    aside = jnp.maximum(jnp.abs(left), jnp.abs(offset[2]))
+    passed_by = (forward > -BEHIND) & (forward > BEHIND - aside)
+    along = jnp.where(passed_by, -AROUND, THROUGH - lead * norm(offset))
+    across = jnp.where(passed_by & (forward > -AROUND / 2), jnp.where(left > 0, AROUND, -AROUND), 0.0)
+    x = centre[0] + normal[0] * along - normal[1] * across
+    y = centre[1] + normal[1] * along + normal[0] * across
+    return jnp.stack([x, y, centre[2]])
+
+
+def push_apart(
+    position_w: Float[Array, "3 N *B"], airborne: Array, clearance: float, strength: float
+) -> Float[Array, "3 N *B"]:
+    """Velocity away from every drone in the air nearer than `clearance` [m/s]."""
+    push = jnp.zeros_like(position_w)
+    for k in opponents(airborne.shape[0]):
+        offset = position_w - opponent(position_w, k, 1)
+        distance = norm(offset)
+        too_near = jnp.maximum(clearance - distance, 0.0) * opponent(airborne, k, 0)
+        push += strength * too_near * offset / (distance + EPSILON)
+    return push
+
+
+SCRIPTED: dict[str, Pilot] = {pilot.name: pilot for pilot in (Chaser(), Hover())}

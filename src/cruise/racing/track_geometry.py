@@ -1,0 +1,129 @@
+"""Lengths of a track, and the ways in which its gates can stand wrongly. Plain Python: no JAX."""
+
+import itertools
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+
+from cruise.config import Gate, Vec3
+
+MIN_DEPTH = 0.1  # a gate takes at least this much room along its normal [m]
+TOUCH = 1e-6  # gates that share no more than this only touch [m]
+WAY_SAMPLES = 32
+
+Gates = Mapping[int, Gate]  # by number in the order of flight, 0 first
+
+
+def segment_lengths(gates: Sequence[Gate]) -> list[float]:
+    """Straight-line distance [m] from each gate to the next, the last one back to the first."""
+    positions = [gate.position_w for gate in gates]
+    return [math.dist(a, b) for a, b in zip(positions, positions[1:] + positions[:1], strict=True)]
+
+
+def lap_length(gates: Sequence[Gate]) -> float:
+    """Length [m] of the closed polygon through the gates' centres."""
+    return math.fsum(segment_lengths(gates))
+
+
+def box_around(gates: Iterable[Gate], margin: float) -> tuple[Vec3, Vec3]:
+    """Lowest and highest corner of a box on the ground, `margin` [m] wider and higher than the openings."""
+    corners = [[(p - r, p + r) for p, r in zip(gate.position_w, _reach(gate), strict=True)] for gate in gates]
+    axes = zip(*corners, strict=True)
+    (x0, x1), (y0, y1), (_, z1) = ((min(a for a, _ in axis), max(b for _, b in axis)) for axis in axes)
+    return (x0 - margin, y0 - margin, 0.0), (x1 + margin, y1 + margin, z1 + margin)
+
+
+def overlaps(gates: Gates, frame_width: float) -> Iterator[str]:
+    """Gates whose openings and frames share room."""
+    for (i, a), (j, b) in itertools.combinations(gates.items(), 2):
+        if _overlap(a, b, frame_width):
+            distance = math.dist(a.position_w, b.position_w)
+            yield f"{gate_place(i)}: overlaps gate {j + 1}, frames included: their centres are {distance:.3g} m apart"
+
+
+def facing_away(gates: Gates, count: int) -> Iterator[str]:
+    """Gates whose normal points against the bisector of the way in and the way out.
+
+    Of `count` gates only those in `gates` are known; a gate is judged when both its neighbours are. Where the bisector
+    vanishes (one gate, two gates, a hairpin) either face will do.
+    """
+    for i, gate in gates.items():
+        before, after = gates.get((i - 1) % count), gates.get((i + 1) % count)
+        if before is None or after is None:
+            continue
+        heading = _flight_heading(before.position_w, gate.position_w, after.position_w)
+        if heading is not None and math.cos(heading - gate.yaw) < -1e-6:
+            yaw, flight = math.degrees(gate.yaw), math.degrees(heading)
+            yield f"{gate_place(i)}: faces away from the flight direction: yaw_deg is {yaw:.4g}, flown at {flight:.4g}"
+
+
+def misplaced(gates: Gates, low: Vec3, high: Vec3) -> Iterator[str]:
+    """Gates under ground or beyond the bounds. The part of an opening below ground is just not flown through."""
+    for i, gate in gates.items():
+        if gate.position_w[2] <= 0:
+            yield f"{gate_place(i)}: lies under ground: its centre is at z = {gate.position_w[2]:.4g}, must be above 0"
+        for axis, (name, centre, reach) in enumerate(zip("xyz", gate.position_w, _reach(gate), strict=True)):
+            place = f"{gate_place(i)}: is out of bounds: reaches {name}"
+            if axis < 2 and centre - reach < low[axis] - TOUCH:
+                yield f"{place} = {centre - reach:.4g}, bounds begin at {low[axis]:.4g}"
+            if centre + reach > high[axis] + TOUCH:
+                yield f"{place} = {centre + reach:.4g}, bounds end at {high[axis]:.4g}"
+
+
+def unreachable(gates: Gates, count: int, leave_distance: float) -> Iterator[str]:
+    """Gates whose straight way to the next leads farther than `leave_distance` [m] from every gate."""
+    centres = [gate.position_w for gate in gates.values()]
+    if len(gates) < count:
+        return
+    for i, gate in gates.items():
+        after = (i + 1) % count
+        ways = _points_between(gate.position_w, gates[after].position_w)
+        farthest = max(min(math.dist(point, centre) for centre in centres) for point in ways)
+        if farthest > leave_distance + TOUCH:
+            yield (
+                f"{gate_place(i)}: the straight way to gate {after + 1} is up to {farthest:.4g} m from every gate, "
+                f"beyond leave_distance = {leave_distance:.4g} m"
+            )
+
+
+def gate_place(index: int) -> str:
+    """How messages name a gate: numbers begin at 1."""
+    return f"gate {index + 1}"
+
+
+def _points_between(a: Vec3, b: Vec3) -> Iterator[Vec3]:
+    for k in range(WAY_SAMPLES + 1):
+        x, y, z = (p + (q - p) * k / WAY_SAMPLES for p, q in zip(a, b, strict=True))
+        yield x, y, z
+
+
+def _flight_heading(before: Vec3, here: Vec3, after: Vec3) -> float | None:
+    """Heading [rad] of the bisector of the way in and the way out; None where it has no horizontal direction."""
+    into, out = math.dist(before, here), math.dist(here, after)
+    if into == 0 or out == 0:
+        return None
+    x, y = ((h - b) / into + (a - h) / out for b, h, a in zip(before[:2], here[:2], after[:2], strict=True))
+    return math.atan2(y, x) if math.hypot(x, y) > 1e-6 else None
+
+
+def _reach(gate: Gate) -> Vec3:
+    """Half extents of the opening along the world's axes [m]."""
+    half = gate.width / 2
+    return abs(math.sin(gate.yaw)) * half, abs(math.cos(gate.yaw)) * half, gate.height / 2
+
+
+def _overlap(a: Gate, b: Gate, frame_width: float) -> bool:
+    """Whether two gates, as upright boxes with their frames, share room (separating axes in the ground plane)."""
+    dx, dy, dz = (q - p for p, q in zip(a.position_w, b.position_w, strict=True))
+    if abs(dz) >= (a.height + b.height) / 2 + 2 * frame_width - TOUCH:
+        return False
+    for yaw in (a.yaw, a.yaw + math.pi / 2, b.yaw, b.yaw + math.pi / 2):
+        reach = _shadow(a, yaw, frame_width) + _shadow(b, yaw, frame_width)
+        if abs(math.cos(yaw) * dx + math.sin(yaw) * dy) >= reach - TOUCH:
+            return False
+    return True
+
+
+def _shadow(gate: Gate, yaw: float, frame_width: float) -> float:
+    """Half length of a gate's box seen along a heading [m]."""
+    depth, width = max(frame_width, MIN_DEPTH) / 2, gate.width / 2 + frame_width
+    return abs(math.cos(gate.yaw - yaw)) * depth + abs(math.sin(gate.yaw - yaw)) * width

@@ -1,0 +1,192 @@
+"""Pilots x environment -> trajectories. Knows nothing of files and screens."""
+
+import functools
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from cruise.env.race_env import RaceEnv
+from cruise.env.types import Collisions, RaceState, Rules, race_rules
+from cruise.errors import CruiseError
+from cruise.pilots.base import Crew, Memory, Pilot, crews
+from cruise.racing.gates import Crossing
+
+CHUNK = 128  # control steps flown between two looks at whether every race is over
+
+
+class Flight(NamedTuple):
+    """What happened in one race or a batch of races, as NumPy arrays: components, then drones, then races.
+
+    K steps lie between K + 1 samples. Sample k is the race at time `k * control_dt`; step k leads from sample k to
+    sample k + 1 and is flown by the drones that are `airborne` at sample k.
+    """
+
+    control_dt: float  # [s]
+    position_w: np.ndarray  # [K+1, 3, N, *B] m
+    velocity_w: np.ndarray  # [K+1, 3, N, *B] m/s
+    euler: np.ndarray  # [K+1, 3, N, *B] rad
+    next_gate: np.ndarray  # [K+1, N, *B] int32
+    airborne: np.ndarray  # [K+1, N, *B] bool
+    finished: np.ndarray  # [K+1, N, *B] bool
+    action: np.ndarray  # [K, A, N, *B]
+    crossing: Crossing  # [K, N, *B] each
+    collisions: Collisions  # [K, N, *B] each, bool
+
+
+class _Sample(NamedTuple):
+    position_w: Array
+    velocity_w: Array
+    euler: Array
+    next_gate: Array
+    airborne: Array
+    finished: Array
+
+
+class _Step(NamedTuple):
+    before: _Sample
+    action: Array
+    crossing: Crossing
+    collisions: Collisions
+
+
+class _Carry(NamedTuple):
+    state: RaceState
+    memories: tuple
+    step: Array
+
+
+def team_rules(
+    team: Sequence[Pilot], collision_distance: float, gates_to_finish: int, batch: tuple[int, ...] = ()
+) -> Rules:
+    """Rules of a real race in which every drone's actions have its own pilot's scale."""
+    agility = jnp.array([pilot.agility for pilot in team], jnp.float32).reshape(-1, *(1,) * len(batch))
+    return jax.tree.map(jnp.asarray, race_rules(agility, collision_distance, gates_to_finish))
+
+
+def fly(
+    env: RaceEnv,
+    team: Sequence[Pilot],
+    rules: Rules,
+    key: Array,
+    steps: int,
+    batch: tuple[int, ...] = (),
+    gate: int | None = None,
+) -> Flight:
+    """Fly races from fresh random starts, before random gates or before `gate`.
+
+    Args:
+        env: the environment; its number of drones is the length of `team`.
+        team: one pilot per drone. A pilot object that occurs more than once acts in one batch.
+        rules: see `team_rules`.
+        key: all randomness. The same key gives the same flight.
+        steps: time limit in control steps; the flight ends sooner when every race is over.
+        batch: () for one race, (E,) for E races.
+        gate: index of the gate to start before, in every race.
+
+    Raises:
+        CruiseError: the team does not fit the environment.
+    """
+    start_key, flight_key = jax.random.split(key)
+    return fly_from(env, team, rules, _start(env, start_key, batch, gate), flight_key, steps)
+
+
+def fly_from(
+    env: RaceEnv, team: Sequence[Pilot], rules: Rules, state: RaceState, key: Array, steps: int, chunk: int = CHUNK
+) -> Flight:
+    """Fly races on from `state`; see `fly`. The result does not depend on `chunk`."""
+    if len(team) != env.num_drones:
+        raise CruiseError(f"a race of {env.num_drones} drones needs {env.num_drones} pilots, not {len(team)}")
+    groups = crews(team)
+    memories = tuple(crew.pilot.init(env, crew.drones, state) for crew in groups)
+    carry = _Carry(state, memories, jnp.int32(0))
+    pieces: list[_Step] = []
+    while len(pieces) * chunk < steps:
+        carry, piece, last = _fly_chunk(env, groups, rules, carry, key, chunk)
+        pieces.append(jax.tree.map(np.asarray, piece))
+        if not np.asarray(last.airborne).any():
+            break
+    return _join(env, pieces, jax.tree.map(np.asarray, last), steps)
+
+
+@eqx.filter_jit
+def _start(env: RaceEnv, key: Array, batch: tuple[int, ...], gate: int | None) -> RaceState:
+    return env.reset(key, batch, gate)
+
+
+@eqx.filter_jit
+def _fly_chunk(
+    env: RaceEnv, groups: tuple[Crew, ...], rules: Rules, carry: _Carry, key: Array, chunk: int
+) -> tuple[_Carry, _Step, _Sample]:
+    """The races after `chunk` more steps, what happened in them, and the sample that they end with."""
+
+    def step(carry: _Carry, _: None) -> tuple[_Carry, _Step]:
+        state = carry.state
+        memories, action = _act(env, groups, carry, jax.random.fold_in(key, carry.step))
+        action = jnp.where(state.airborne, action, 0.0)
+        after, outcome = env.step(state, action, rules)
+        record = _Step(_sample(env, state), action, outcome.crossing, outcome.collisions)
+        return _Carry(after, memories, carry.step + 1), record
+
+    carry, steps = jax.lax.scan(step, carry, length=chunk)
+    return carry, steps, _sample(env, carry.state)
+
+
+def _act(env: RaceEnv, groups: tuple[Crew, ...], carry: _Carry, key: Array) -> tuple[tuple, Array]:
+    """Every crew's actions, put in the order of the drones."""
+    env = _observing_once(env)
+    memories: list[Memory] = []
+    actions: list[Array] = []
+    order: list[int] = []
+    for i, (crew, memory) in enumerate(zip(groups, carry.memories, strict=True)):
+        memory, action = crew.pilot.act(env, crew.drones, memory, carry.state, jax.random.fold_in(key, i))
+        memories.append(memory)
+        actions.append(action)
+        order += crew.drones
+    action = jnp.concatenate(actions, axis=1)
+    return tuple(memories), action if len(groups) == 1 else action[:, np.argsort(order)]
+
+
+def _observing_once(env: RaceEnv) -> RaceEnv:
+    """The environment for one step, in which each kind of observation is computed at most once."""
+    seen: dict[str, Array] = {}
+
+    def observe(kind: str, state: RaceState) -> Array:
+        if kind not in seen:
+            seen[kind] = env.observe_as[kind](state)
+        return seen[kind]
+
+    return env._replace(observe_as={kind: functools.partial(observe, kind) for kind in env.observe_as})
+
+
+def _sample(env: RaceEnv, state: RaceState) -> _Sample:
+    drones = state.drones
+    return _Sample(
+        drones.position_w,
+        drones.velocity_w,
+        env.dynamics.euler(drones),
+        state.next_gate,
+        state.airborne,
+        state.finished,
+    )
+
+
+def _join(env: RaceEnv, pieces: list[_Step], last: _Sample, steps: int) -> Flight:
+    """One flight of all chunks, cut at the time limit or when the last race is over."""
+    joined = jax.tree.map(lambda *parts: np.concatenate(parts), *pieces)
+    samples = jax.tree.map(lambda before, end: np.concatenate([before, end[None]]), joined.before, last)
+    racing = samples.airborne.any(axis=tuple(range(1, samples.airborne.ndim)))
+    length = min(steps, int(racing.sum()))  # no drone returns to the air, so the racing samples come first
+    samples = jax.tree.map(lambda a: a[: length + 1], samples)
+    joined = jax.tree.map(lambda a: a[:length], joined)
+    return Flight(
+        control_dt=env.dynamics.control_dt,
+        **samples._asdict(),
+        action=joined.action,
+        crossing=joined.crossing,
+        collisions=joined.collisions,
+    )

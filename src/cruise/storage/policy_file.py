@@ -1,0 +1,246 @@
+"""Trained policies on disk: parameters in `NAME.safetensors`, what they are in `NAME.json` beside it."""
+
+import dataclasses
+import difflib
+import hashlib
+import os
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from cruise.config import ObservationKind
+from cruise.errors import CruiseError
+from cruise.pilots.network import ActorCritic
+from cruise.pilots.neural import NeuralPilot
+from cruise.presets import VEHICLES
+from cruise.storage import tensors
+from cruise.storage.atomic import read_bytes, write_atomically
+from cruise.storage.config_file import from_json, to_json
+
+FORMAT_VERSION = 1
+SHIPPED = Path(__file__).parent.parent / "policies"
+IN_RUN = "policy"  # stem of the policy in the folder of a training run
+MAX_WIDTH = 65_536  # of a layer
+
+StrPath = str | os.PathLike[str]
+
+
+@dataclass(frozen=True)
+class PolicyMeta:
+    """What one must know to fly a policy, and where it comes from."""
+
+    name: str
+    track: str
+    drones: int  # in the races it was trained for
+    vehicle: str  # name of the preset
+    observation: ObservationKind
+    agility: float  # scale of its actions
+    steps: int  # environment steps of the active drone in training
+    seed: int  # of the training
+    version: str  # of the program that trained it
+    config: Any = field(default_factory=dict)  # of the run, resolved: a dataclass, read back as nested dictionaries
+    results: dict[str, Any] = field(default_factory=dict)  # as `cruise evaluate --json` measured it
+
+
+@dataclass(frozen=True)
+class NetworkShape:
+    """Sizes of the networks' layers."""
+
+    observation_size: int
+    action_size: int
+    hidden: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class _Description:
+    """The JSON file."""
+
+    format: int
+    policy: PolicyMeta
+    network: NetworkShape
+    sha256: str  # of the parameters' file
+
+
+@dataclass(frozen=True)
+class Policy:
+    """Parameters and what belongs to them."""
+
+    meta: PolicyMeta
+    params: ActorCritic
+
+    def pilot(self) -> NeuralPilot:
+        """The policy as a pilot."""
+        meta = self.meta
+        return NeuralPilot(self.params, meta.observation, meta.drones, meta.agility, meta.name, meta.vehicle)
+
+
+def save_policy(path: StrPath, params: ActorCritic, meta: PolicyMeta) -> Path:
+    """Write a policy as `.safetensors` and `.json`, each whole or not at all, and give the path of the first.
+
+    The JSON is written last and holds the checksum of the parameters, so halves of two policies do not pass for one.
+
+    Args:
+        path: where; its ending does not matter.
+        params: the networks; finite.
+        meta: what the policy is.
+
+    Raises:
+        CruiseError: parameters or `meta` are not sound, or the files cannot be written.
+    """
+    stem = _stem(Path(path))
+    where = f"policy {stem}"
+    arrays = {name: np.asarray(leaf) for name, leaf in _named(params).items()}
+    network = _shape_of(params)
+    _check_meta(meta, network, where)
+    _check_params(arrays, network, where)
+    data = tensors.encode(arrays)
+    text = to_json(_Description(FORMAT_VERSION, meta, network, hashlib.sha256(data).hexdigest()))
+    write_atomically(_with(stem, ".safetensors"), data)
+    write_atomically(_with(stem, ".json"), text.encode())
+    return _with(stem, ".safetensors")
+
+
+def load_policy(name_or_path: StrPath) -> NeuralPilot:
+    """A policy, ready to fly.
+
+    Args:
+        name_or_path: name of a shipped policy (`ring-4`; see `list_policies`), path of a `.safetensors` or `.json`
+            file or of both without their ending, or the folder of a training run.
+
+    Raises:
+        CruiseError: there is no such policy, or its files are damaged or do not belong together.
+    """
+    return read_policy(name_or_path).pilot()
+
+
+def read_policy(name_or_path: StrPath) -> Policy:
+    """Parameters and what belongs to them; see `load_policy`."""
+    stem = _find(name_or_path)
+    description = _read_description(stem)
+    where = f"policy {_with(stem, '.safetensors')}"
+    data = read_bytes(_with(stem, ".safetensors"), "policy")
+    arrays, _ = tensors.decode(data, where)
+    _check_params(arrays, description.network, where)
+    if hashlib.sha256(data).hexdigest() != description.sha256:
+        raise CruiseError(
+            f"{where}: checksum differs from that in {_with(stem, '.json').name}; they are not one policy"
+        )
+    template = _template(description.network)
+    leaves = [jnp.asarray(arrays[name]) for name in _named(template)]
+    return Policy(description.policy, jax.tree.unflatten(jax.tree.structure(template), leaves))
+
+
+def read_meta(name_or_path: StrPath) -> PolicyMeta:
+    """What a policy is, without its parameters. Raises CruiseError as `load_policy` does."""
+    return _read_description(_find(name_or_path)).policy
+
+
+def _read_description(stem: Path) -> _Description:
+    path = _with(stem, ".json")
+    where = f"policy description {path}"
+    description = from_json(read_bytes(path, "policy description"), _Description, where)
+    if description.format != FORMAT_VERSION:
+        raise CruiseError(f"{where}: format {description.format}, this program reads {FORMAT_VERSION}")
+    _check_meta(description.policy, description.network, where)
+    if not isinstance(description.policy.config, dict):
+        raise CruiseError(f"{where}: policy.config: expected an object")
+    if stem.parent == SHIPPED:  # known by the name of its file
+        return dataclasses.replace(description, policy=dataclasses.replace(description.policy, name=stem.name))
+    return description
+
+
+def list_policies() -> dict[str, PolicyMeta]:
+    """Names of the shipped policies and what they are, in order of track and number of drones."""
+    metas = {path.stem: read_meta(path) for path in SHIPPED.glob("*.json")}
+    return dict(sorted(metas.items(), key=lambda item: (item[1].track, item[1].drones, item[0])))
+
+
+def shipped_name(track: str, drones: int) -> str:
+    """Name of the shipped policy of a track. Raises CruiseError, naming those there are, where there is none."""
+    name = f"{track}-{drones}"
+    if not _with(SHIPPED / name, ".json").is_file():
+        names = ", ".join(list_policies()) or "none"
+        raise CruiseError(
+            f"no policy is shipped for track {track!r} with {drones} drone{'s' * (drones != 1)}; shipped: {names}; "
+            "give others with --policy or --pilot"
+        )
+    return name
+
+
+def _find(name_or_path: StrPath) -> Path:
+    """Path, without ending, of a policy."""
+    text = os.fspath(name_or_path)
+    if not text or "\0" in text:
+        raise CruiseError(f"policy {text!r}: neither a name nor a path")
+    if isinstance(name_or_path, str) and os.sep not in text and _with(SHIPPED / text, ".json").is_file():
+        return SHIPPED / text
+    path = Path(text)
+    if path.is_dir():
+        return path / IN_RUN
+    stem = _stem(path)
+    if any(_with(stem, ending).is_file() for ending in (".safetensors", ".json")):
+        return stem
+    raise CruiseError(_unknown(text, path))
+
+
+def _unknown(text: str, path: Path) -> str:
+    if path.suffix and path.suffix not in (".safetensors", ".json") and path.is_file():
+        return f"policy {text}: expected a .safetensors or .json file"
+    shipped = sorted(file.stem for file in SHIPPED.glob("*.json"))
+    close = difflib.get_close_matches(text, shipped, n=1)
+    hint = f"did you mean {close[0]!r}? " if close else ""
+    names = ", ".join(shipped) or "none"
+    return f"policy {text!r} not found: {hint}shipped: {names}; or give the path of a .safetensors file"
+
+
+def _stem(path: Path) -> Path:
+    return path.with_suffix("") if path.suffix in (".safetensors", ".json") else path
+
+
+def _with(stem: Path, ending: str) -> Path:
+    """`stem` may hold dots of its own."""
+    return stem.with_name(stem.name + ending)
+
+
+def _template(network: NetworkShape) -> ActorCritic:
+    """The networks as shapes."""
+    sizes = (network.observation_size, network.action_size, network.hidden)
+    return eqx.filter_eval_shape(ActorCritic, *sizes, 0.0, jax.random.key(0))
+
+
+def _shape_of(params: ActorCritic) -> NetworkShape:
+    layers = params.actor.layers
+    hidden = tuple(int(layer.out_features) for layer in layers[:-1])
+    return NetworkShape(int(layers[0].in_features), int(layers[-1].out_features), hidden)
+
+
+def _named(params: Any) -> dict[str, Any]:
+    """Leaves by names such as `actor.layers[0].weight`."""
+    leaves = jax.tree_util.tree_leaves_with_path(params)
+    return {jax.tree_util.keystr(path).removeprefix("."): leaf for path, leaf in leaves}
+
+
+def _check_meta(meta: PolicyMeta, network: NetworkShape, where: str) -> None:
+    sizes = {"drones": meta.drones, "observation_size": network.observation_size, "action_size": network.action_size}
+    sizes |= {f"hidden[{i}]": size for i, size in enumerate(network.hidden)}
+    for name, size in sizes.items():
+        if not 1 <= size <= MAX_WIDTH:
+            raise CruiseError(f"{where}: {name} must be from 1 to {MAX_WIDTH}, got {size}")
+    if not 0 < meta.agility < np.inf:
+        raise CruiseError(f"{where}: agility must be above 0 and finite, got {meta.agility}")
+    if meta.vehicle not in VEHICLES:
+        raise CruiseError(f"{where}: unknown vehicle {meta.vehicle!r}; vehicles: {', '.join(VEHICLES)}")
+
+
+def _check_params(arrays: dict[str, np.ndarray], network: NetworkShape, where: str) -> None:
+    wanted = _named(_template(network))
+    tensors.check_names(arrays, wanted, where)
+    for name, leaf in wanted.items():
+        tensors.check_array(name, arrays[name], leaf.shape, np.dtype(leaf.dtype), where)
+        if not np.isfinite(arrays[name]).all():
+            raise CruiseError(f"{where}: array {name!r} holds numbers that are not finite")

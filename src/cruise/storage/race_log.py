@@ -1,0 +1,188 @@
+"""A race as data: plain arrays in one `.npz` file, described in `docs/race-log.md`."""
+
+import dataclasses
+import io
+import zipfile
+import zlib
+from dataclasses import dataclass
+from enum import IntEnum
+from pathlib import Path
+
+import numpy as np
+
+from cruise.errors import CruiseError
+from cruise.storage.atomic import read_bytes, write_atomically
+
+FORMAT_VERSION = 1
+
+
+class EventKind(IntEnum):
+    """What can happen to a drone."""
+
+    CROSSING = 0
+    MISSED_GATE = 1
+    COLLISION_DRONE = 2
+    COLLISION_GROUND = 3
+    COLLISION_GATE_FRAME = 4
+    COLLISION_BOUNDS = 5
+    COLLISION_FLIP = 6
+    FINISH = 7
+
+
+EVENT_KINDS = tuple(kind.name.lower() for kind in EventKind)
+COLLISIONS = tuple(name for name in EVENT_KINDS if name.startswith("collision_"))
+NOBODY = -1  # in `event_gate` and `event_other`: none
+
+
+@dataclass(frozen=True)
+class RaceLog:
+    """One race. T samples, N drones, G gates, A numbers an action has, V events; world frame, z up.
+
+    Sample 0 is the standing start. A drone that is not `airborne` at a sample is out or has finished: it stands still
+    in the log where it ended, and obstructs nobody.
+    """
+
+    time: np.ndarray  # [T] s
+    position_w: np.ndarray  # [T, N, 3] m
+    velocity_w: np.ndarray  # [T, N, 3] m/s
+    euler: np.ndarray  # [T, N, 3] roll, pitch, yaw (ZYX), rad
+    action: np.ndarray  # [T, N, A] held from this sample to the next; zero at the last and where not airborne
+    next_gate: np.ndarray  # [T, N] index of the gate to pass next
+    airborne: np.ndarray  # [T, N] still racing
+    gate_position: np.ndarray  # [G, 3] centres of the openings, m
+    gate_yaw: np.ndarray  # [G] heading of the direction of flight, rad
+    gate_size: np.ndarray  # [G, 2] width and height of the openings, m
+    event_time: np.ndarray  # [V] ascending, s
+    event_drone: np.ndarray  # [V]
+    event_kind: np.ndarray  # [V] index into `event_kind_names`
+    event_gate: np.ndarray  # [V] index of the gate concerned, or -1
+    event_other: np.ndarray  # [V] the other drone of a collision between drones, or -1
+    event_kind_names: np.ndarray  # [8]
+    pilots: np.ndarray  # [N] names
+    track: str
+    vehicle: str
+    laps: int
+    control_dt: float  # s between two samples
+    collision_distance: float  # m
+    version: int = FORMAT_VERSION
+
+    @property
+    def num_drones(self) -> int:
+        """N."""
+        return self.position_w.shape[1]
+
+    @property
+    def num_gates(self) -> int:
+        """G."""
+        return len(self.gate_position)
+
+    @property
+    def gates_to_finish(self) -> int:
+        """Crossings that finish the race: the first one starts lap 1."""
+        return self.laps * self.num_gates + 1
+
+    def save(self, path: Path | str) -> None:
+        """Write a `.npz` file whole or not at all; `numpy.load(path, allow_pickle=False)` reads it."""
+        buffer = io.BytesIO()
+        arrays = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
+        np.savez_compressed(buffer, allow_pickle=False, **arrays)
+        write_atomically(path, buffer.getvalue())
+
+
+def load_race_log(path: Path | str) -> RaceLog:
+    """Read and check a race log. Raises CruiseError, naming the array at fault, where it is not a sound one."""
+    where = f"race log {path}"
+    arrays = _read(read_bytes(path, "race log"), where)
+    if "version" in arrays and arrays["version"].shape == () and arrays["version"] != FORMAT_VERSION:
+        raise CruiseError(f"{where}: format version {arrays['version']}, this program reads {FORMAT_VERSION}")
+    _check_arrays(arrays, where)
+    _check_values(arrays, where)
+    scalars = {name: arrays[name].item() for name, (_, axes) in _LAYOUT.items() if axes == ""}
+    return RaceLog(**{name: scalars.get(name, arrays[name]) for name in _LAYOUT})
+
+
+# Kind of dtype and axes of every array. Axes of one letter agree between arrays; a digit is a fixed length.
+_LAYOUT: dict[str, tuple[str, str]] = {
+    "time": ("f", "T"),
+    "position_w": ("f", "TN3"),
+    "velocity_w": ("f", "TN3"),
+    "euler": ("f", "TN3"),
+    "action": ("f", "TNA"),
+    "next_gate": ("i", "TN"),
+    "airborne": ("b", "TN"),
+    "gate_position": ("f", "G3"),
+    "gate_yaw": ("f", "G"),
+    "gate_size": ("f", "G2"),
+    "event_time": ("f", "V"),
+    "event_drone": ("i", "V"),
+    "event_kind": ("i", "V"),
+    "event_gate": ("i", "V"),
+    "event_other": ("i", "V"),
+    "event_kind_names": ("U", "8"),
+    "pilots": ("U", "N"),
+    "track": ("U", ""),
+    "vehicle": ("U", ""),
+    "laps": ("i", ""),
+    "control_dt": ("f", ""),
+    "collision_distance": ("f", ""),
+    "version": ("i", ""),
+}
+_KINDS = {"f": "floats", "i": "integers", "b": "booleans", "U": "text"}
+
+
+# What NumPy and the standard library raise for an archive that is not one, is cut short, or holds pickles.
+_BROKEN_ARCHIVE = (ValueError, OSError, EOFError, KeyError, TypeError, AttributeError, zipfile.BadZipFile, zlib.error)
+
+
+def _read(data: bytes, where: str) -> dict[str, np.ndarray]:
+    try:
+        with np.load(io.BytesIO(data), allow_pickle=False) as archive:
+            return {name: archive[name] for name in archive.files}
+    except _BROKEN_ARCHIVE as error:
+        raise CruiseError(f"{where}: not a readable .npz file ({' '.join(str(error).split())})") from None
+
+
+def _check_arrays(arrays: dict[str, np.ndarray], where: str) -> None:
+    """Every array present, of its kind, of shapes that agree, and finite."""
+    lengths: dict[str, int] = {}
+    for name, (kind, axes) in _LAYOUT.items():
+        if name not in arrays:
+            raise CruiseError(f"{where}: lacks array {name!r}")
+        array = arrays[name]
+        if array.dtype.kind != kind:
+            raise CruiseError(f"{where}: array {name!r} holds {array.dtype}, expected {_KINDS[kind]}")
+        expected = [int(a) if a.isdigit() else lengths.get(a) for a in axes]
+        if array.ndim != len(axes) or any(e not in (None, n) for e, n in zip(expected, array.shape, strict=True)):
+            shown = ", ".join(a if e is None else str(e) for a, e in zip(axes, expected, strict=True))
+            raise CruiseError(f"{where}: array {name!r} has shape {list(array.shape)}, expected [{shown}]")
+        lengths.update(zip(axes, array.shape, strict=True))
+        if kind == "f" and not np.isfinite(array).all():
+            raise CruiseError(f"{where}: array {name!r} holds numbers that are not finite")
+    for axis, what in (("T", "samples"), ("N", "drones"), ("G", "gates")):
+        if lengths[axis] == 0:
+            raise CruiseError(f"{where}: has no {what}")
+
+
+def _check_values(arrays: dict[str, np.ndarray], where: str) -> None:
+    """Indices that point somewhere, times that ascend."""
+    drones, gates = len(arrays["pilots"]), len(arrays["gate_yaw"])
+    ranges = {
+        "next_gate": (0, gates),
+        "event_drone": (0, drones),
+        "event_kind": (0, len(EVENT_KINDS)),
+        "event_gate": (NOBODY, gates),
+        "event_other": (NOBODY, drones),
+    }
+    for name, (low, high) in ranges.items():
+        if ((arrays[name] < low) | (arrays[name] >= high)).any():
+            raise CruiseError(f"{where}: array {name!r} holds numbers outside {low} .. {high - 1}")
+    if tuple(arrays["event_kind_names"].tolist()) != EVENT_KINDS:
+        raise CruiseError(f"{where}: array 'event_kind_names' is not {', '.join(EVENT_KINDS)}")
+    if (np.diff(arrays["time"]) <= 0).any():
+        raise CruiseError(f"{where}: array 'time' does not ascend")
+    times = arrays["event_time"]
+    if (np.diff(times) < 0).any() or (len(times) and (times[0] < 0 or times[-1] > arrays["time"][-1] + 1e-6)):
+        raise CruiseError(f"{where}: array 'event_time' does not ascend within the race")
+    for name in ("laps", "control_dt", "collision_distance"):
+        if arrays[name] <= 0:
+            raise CruiseError(f"{where}: {name!r} must be above 0, got {arrays[name]}")

@@ -1,0 +1,204 @@
+"""A training run on disk: configuration, logs, checkpoints, policies; started, interrupted and resumed."""
+
+import json
+import signal
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+import jax
+import numpy as np
+from tensorboardX import SummaryWriter
+
+from cruise import __version__
+from cruise.config import TrainConfig, Track, Vehicle
+from cruise.errors import CruiseError
+from cruise.storage.atomic import write_atomically
+from cruise.storage.checkpoint import load_checkpoint, save_checkpoint
+from cruise.storage.config_file import load_config, save_config
+from cruise.storage.policy_file import PolicyMeta, save_policy
+from cruise.training.curriculum import Phase
+from cruise.training.trainer import Progress, Trainer
+
+METRICS = "metrics.jsonl"
+CONFIG = "config.json"
+TENSORBOARD = "tensorboard"
+
+
+class Interrupted(KeyboardInterrupt):
+    """Ctrl-C: the run has been saved and can be resumed."""
+
+
+class MetricsLog:
+    """`metrics.jsonl` and TensorBoard, one row per update, cut back to the checkpoint when a run resumes."""
+
+    def __init__(self, folder: Path, updates: int) -> None:
+        """Open both logs and drop rows after update number `updates`."""
+        self.path = folder / METRICS
+        kept = [row for row in read_metrics(folder) if row["update"] <= updates]
+        write_atomically(self.path, "".join(json.dumps(row) + "\n" for row in kept).encode())
+        self._file = self.path.open("a")
+        last_steps = kept[-1]["steps"] if kept else 0
+        self._board = SummaryWriter(str(folder / TENSORBOARD), purge_step=last_steps + 1)
+
+    def add(self, row: dict[str, Any]) -> None:
+        """Append one row; it reaches the disk at once."""
+        self._file.write(json.dumps(row) + "\n")
+        self._file.flush()
+        for name, value in row.items():
+            if isinstance(value, float) and np.isfinite(value):
+                self._board.add_scalar(name, value, row["steps"])
+
+    def close(self) -> None:
+        """Flush and close both logs."""
+        self._file.close()
+        self._board.close()
+
+
+def read_metrics(folder: Path) -> list[dict[str, Any]]:
+    """Rows of a run's `metrics.jsonl`; a last line cut short by a crash is left out."""
+    path = folder / METRICS
+    rows = []
+    for line in path.read_text().splitlines() if path.exists() else []:
+        try:
+            rows.append(json.loads(line))
+        except json.JSONDecodeError:
+            break
+    return rows
+
+
+def metrics_row(progress: Progress, seconds: float) -> dict[str, Any]:
+    """One update as plain numbers; a value that was not measured is absent."""
+    row: dict[str, Any] = {
+        "update": int(progress.state.updates),
+        "steps": progress.steps,
+        "stage": progress.phase.number,
+        "seconds": round(seconds, 3),
+    }
+    row |= {name: float(value) for name, value in jax.device_get(progress.metrics).items()}
+    row["policy/std"] = float(np.exp(np.asarray(progress.state.model.log_std)).mean())
+    if progress.score is not None:
+        score = {f"evaluation/{name}": value for name, value in progress.score._asdict().items()}
+        row |= {name: value for name, value in score.items() if np.isfinite(value)}
+        row["evaluation/opponents_replaced"] = float(progress.opponents_replaced)
+    return row
+
+
+class _StopRequest:
+    """Turns the first Ctrl-C into a flag that is looked at between updates; the second one acts at once."""
+
+    def __init__(self) -> None:
+        self.asked = False
+        self._previous: Any = None
+
+    def __enter__(self) -> "_StopRequest":
+        try:
+            self._previous = signal.signal(signal.SIGINT, self._ask)
+        except ValueError:  # not the main thread: there is no signal to catch
+            self._previous = None
+        return self
+
+    def _ask(self, number: int, frame: FrameType | None) -> None:
+        self.asked = True
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+    def __exit__(self, *_: object) -> None:
+        if self._previous is not None:
+            signal.signal(signal.SIGINT, self._previous)
+
+
+class Session:
+    """One run in one folder. Iterate over it to train."""
+
+    def __init__(
+        self, folder: Path, config: TrainConfig, track: Track, vehicle: Vehicle, *, resume: bool = False
+    ) -> None:
+        """Open a folder: a new one, or with `resume` that of an earlier run.
+
+        Raises:
+            CruiseError: the folder holds a run already, or none to resume.
+        """
+        self.folder, self.config, self.track = folder, config, track
+        self.trainer = Trainer(config, track, vehicle)
+        self.seconds_before = 0.0
+        if resume:
+            self.state, meta = load_checkpoint(folder, self.trainer.state_shape())
+            self.seconds_before = float(meta["seconds"])
+        else:
+            if (folder / CONFIG).exists():
+                raise CruiseError(
+                    f"{folder} holds a run already: resume it with --resume {folder}, or choose another --out"
+                )
+            folder.mkdir(parents=True, exist_ok=True)
+            self.state = self.trainer.initial_state()
+            save_config(folder / CONFIG, config)
+
+    def __iter__(self) -> Iterator[Progress]:
+        """Train, log, save; yields after every update.
+
+        Raises:
+            Interrupted: after Ctrl-C, with everything saved.
+            TrainingDiverged: a loss stopped being finite; the last checkpoint is good.
+        """
+        started = saved = time.monotonic()
+        log = MetricsLog(self.folder, int(self.state.updates))
+        try:
+            with _StopRequest() as stop:
+                for progress in self.trainer.run(self.state):
+                    self.state = progress.state
+                    seconds = self.seconds_before + time.monotonic() - started
+                    log.add(metrics_row(progress, seconds))
+                    due = time.monotonic() - saved >= self.config.checkpoint_seconds
+                    if progress.phase_ended or due or stop.asked:
+                        self._save(progress, seconds)
+                        saved = time.monotonic()
+                    yield progress
+                    if stop.asked:
+                        raise Interrupted(
+                            f"stopped after {progress.steps:,} steps; go on with: cruise train --resume {self.folder}"
+                        )
+        finally:
+            log.close()
+
+    def _save(self, progress: Progress, seconds: float) -> None:
+        if progress.phase_ended:
+            number = self.trainer.phases.index(progress.phase) + 1
+            self._write_policy(f"stage-{number}", progress.phase, {})
+        save_checkpoint(
+            self.folder, progress.state, {"seconds": seconds, "steps": progress.steps, "version": __version__}
+        )
+
+    def finish(self, measure: Callable[[Path], dict[str, Any]]) -> Path:
+        """Write the finished policy, then again with the results that `measure` finds for it; returns its path."""
+        last = self.trainer.phases[-1]
+        path = self._write_policy("policy", last, {})
+        return self._write_policy("policy", last, measure(path))
+
+    def _write_policy(self, stem: str, phase: Phase, results: dict[str, Any]) -> Path:
+        meta = PolicyMeta(
+            name=f"{self.folder.name}/{stem}",
+            track=self.track.name,
+            drones=self.config.drones,
+            vehicle=self.config.vehicle,
+            observation=self.config.observation,
+            agility=phase.stage.agility,
+            steps=int(self.state.updates) * self.trainer.steps_per_update,
+            seed=self.config.seed,
+            version=__version__,
+            config=self.config,
+            results=results,
+        )
+        return save_policy(self.folder / f"{stem}.safetensors", self.state.model, meta)
+
+
+def resume_config(folder: Path) -> TrainConfig:
+    """Configuration of an earlier run.
+
+    Raises:
+        CruiseError: when the folder holds none.
+    """
+    if not (folder / CONFIG).exists():
+        raise CruiseError(f"{folder}: no run to resume here, {CONFIG} is missing")
+    return load_config(folder / CONFIG, TrainConfig)

@@ -1,0 +1,65 @@
+"""What a training configuration must satisfy, told in one line each."""
+
+from collections.abc import Iterator
+
+from cruise.config import PPOConfig, SelfPlayConfig, TrainConfig
+from cruise.errors import CruiseError
+from cruise.presets import VEHICLES
+from cruise.training.curriculum import plan_phases
+
+MAX_DRONES = 16
+
+
+def check_config(config: TrainConfig) -> None:
+    """Raises CruiseError with the first thing that cannot work."""
+    for fault in _faults(config):
+        raise CruiseError(fault)
+
+
+def _faults(config: TrainConfig) -> Iterator[str]:
+    if config.vehicle not in VEHICLES:
+        yield f"unknown vehicle {config.vehicle!r}: there are {', '.join(VEHICLES)}"
+    if not 1 <= config.drones <= MAX_DRONES:
+        yield f"drones must be between 1 and {MAX_DRONES}, not {config.drones}"
+    if config.seed < 0:
+        yield f"seed must be 0 or more, not {config.seed}"
+    yield from _below(1, config, "episode_steps")
+    yield from _not_positive(config, "step_scale", "collision_distance", "checkpoint_seconds")
+    yield from _ppo_faults(config.ppo)
+    yield from _opponent_faults(config.opponents)
+    phase = plan_phases(config)[-1]
+    if phase.last_update < 1:
+        per_update = config.ppo.races * config.ppo.rollout_steps
+        yield f"the budget is smaller than one update of {per_update:,} steps: raise step_scale, or lower races"
+
+
+def _ppo_faults(ppo: PPOConfig) -> Iterator[str]:
+    yield from _below(1, ppo, "races", "rollout_steps", "epochs", "minibatches")
+    if ppo.rollout_steps % ppo.minibatches:
+        yield f"rollout_steps ({ppo.rollout_steps}) must be a multiple of minibatches ({ppo.minibatches})"
+    if ppo.races < ppo.rollout_steps:
+        yield f"races ({ppo.races}) must be at least rollout_steps ({ppo.rollout_steps})"
+    yield from _not_positive(ppo, "learning_rate", "clip_ratio", "max_grad_norm")
+    for name in ("gamma", "gae_lambda"):
+        if not 0 <= getattr(ppo, name) <= 1:
+            yield f"{name} must be between 0 and 1, not {getattr(ppo, name)}"
+    if not ppo.hidden or min(ppo.hidden) < 1:
+        yield f"hidden must name the width of at least one layer, not {ppo.hidden}"
+
+
+def _opponent_faults(opponents: SelfPlayConfig) -> Iterator[str]:
+    yield from _below(1, opponents, "evaluate_every", "evaluation_races", "evaluation_steps")
+    if not 0 <= opponents.win_threshold <= 1:
+        yield f"win_threshold must be between 0 and 1, not {opponents.win_threshold}"
+
+
+def _below(least: int, config: object, *names: str) -> Iterator[str]:
+    for name in names:
+        if getattr(config, name) < least:
+            yield f"{name} must be {least} or more, not {getattr(config, name)}"
+
+
+def _not_positive(config: object, *names: str) -> Iterator[str]:
+    for name in names:
+        if not getattr(config, name) > 0:
+            yield f"{name} must be positive, not {getattr(config, name)}"

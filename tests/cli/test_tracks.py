@@ -1,0 +1,155 @@
+"""`cruise tracks` and the dispatcher: what is printed, where, and with which exit code."""
+
+import subprocess
+import sys
+from dataclasses import dataclass
+
+import pytest
+
+from cruise import __version__
+from cruise.cli import main as dispatcher
+from cruise.cli.main import COMMANDS, main
+from cruise.errors import CruiseError
+from cruise.presets import TRACKS
+from tests.racing.track_tables import GATE, MALFORMED, NAME, UNREADABLE
+
+WITHOUT_JAX = """
+import sys
+from cruise.cli.main import main
+code = main(sys.argv[1:])
+assert not {"jax", "equinox", "matplotlib"} & set(sys.modules), "imported what it does not need"
+sys.exit(code)
+"""
+
+
+def cruise(*arguments: str) -> subprocess.CompletedProcess[str]:
+    """Run the command in a process of its own, which must not import JAX."""
+    command = [sys.executable, "-c", WITHOUT_JAX, *arguments]
+    return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+
+
+@pytest.mark.parametrize("case", MALFORMED)
+def test_check_names_every_fault_on_its_own_line(case, tmp_path, capsys):
+    content, expected = MALFORMED[case]
+    path = tmp_path / "track.toml"
+    path.write_text(content)
+    assert main(["tracks", "check", str(path)]) == 1
+    output = capsys.readouterr()
+    lines = output.err.splitlines()
+    assert output.out == ""
+    assert len(lines) == len(expected)
+    assert all(any(line.startswith(f"{path}: {text}") for line in lines) for text in expected)
+    assert main(["tracks", "show", str(path)]) == 2
+    assert capsys.readouterr().err.startswith(f"error: {lines[0]}")
+
+
+@pytest.mark.parametrize("command", ["check", "show"])
+@pytest.mark.parametrize("case", UNREADABLE)
+def test_unreadable_files_give_one_line(case, command, tmp_path, capsys):
+    content, expected = UNREADABLE[case]
+    path = tmp_path / "track.toml"
+    path.write_bytes(content)
+    assert main(["tracks", command, str(path)]) == 2
+    output = capsys.readouterr()
+    assert output.out == ""
+    assert output.err.startswith(f"error: {path}: {expected}")
+    assert output.err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "expected"),
+    [
+        (["tracks", "show", "rnig"], 2, "error: unknown track 'rnig': did you mean 'ring'?"),
+        (["tracks", "check", "no/such.toml"], 2, "error: no/such.toml: no such track file"),
+        (["tracks", "check", "/"], 2, "error: /: is a directory, not a track file"),
+        (["trakcs", "list"], 2, "error: unknown command 'trakcs': did you mean 'tracks'? commands: race, train"),
+        (["xyz"], 2, "error: unknown command 'xyz': commands: race, train"),
+        (["tracks"], 2, "Expected one of {list, show, check}"),
+        (["tracks", "shwo"], 2, "Available subcommands: list, show, check"),
+        (["tracks", "show"], 2, "NAME|FILE"),
+        (["tracks", "list", "--bogus"], 2, "Unrecognized options: --bogus"),
+        (["--bogus"], 2, "Unrecognized options: --bogus"),
+        (["tracks", "show", "ring", "figure-eight"], 2, "Unrecognized options: figure-eight"),
+    ],
+)
+def test_bad_command_lines_say_what_is_wrong(arguments, code, expected):
+    result = cruise(*arguments)
+    assert result.returncode == code
+    assert expected in result.stderr
+    assert "Traceback" not in result.stderr
+    assert result.stdout == ""
+
+
+def test_list_without_jax():
+    result = cruise("tracks", "list")
+    assert (result.returncode, result.stderr) == (0, "")
+    rows = [line.split() for line in result.stdout.splitlines()]
+    for name, gates, length in (("ring", "5", "58.95"), ("figure-eight", "6", "56.80")):
+        assert any({name, gates, length, "3"} <= set(row) for row in rows)
+
+
+def test_show_prints_every_gate(capsys):
+    assert main(["tracks", "show", "figure-eight"]) == 0
+    output = capsys.readouterr().out
+    for gate in TRACKS["figure-eight"].gates:
+        assert all(f"{value:.2f}" in output for value in gate.position_w)
+    assert "figure-eight: 6 gates, 56.80 m a lap, 3 laps" in output
+    assert "bounds (-20, -15, 0) to (20, 15, 12) m" in output
+
+
+def test_show_prints_a_name_as_it_is(tmp_path, capsys):
+    path = tmp_path / "track.toml"
+    path.write_text('name = "[red]a[/red]"\n' + GATE)
+    assert main(["tracks", "show", str(path)]) == 0
+    output = capsys.readouterr().out
+    assert "[red]a[/red] (metres, degrees)" in output
+    assert "[red]a[/red]: 1 gate, 0.00 m a lap, 3 laps" in output
+
+
+def test_check_of_a_sound_track(tmp_path, capsys):
+    path = tmp_path / "track.toml"
+    path.write_text("laps = 1\n" + NAME + GATE)
+    assert main(["tracks", "check", str(path)]) == 0
+    assert main(["tracks", "check", "ring"]) == 0
+    output = capsys.readouterr()
+    assert output.out.splitlines() == [
+        f"{path}: no faults; test: 1 gate, 0.00 m a lap, 1 lap",
+        "ring: no faults; ring: 5 gates, 58.95 m a lap, 3 laps",
+    ]
+    assert output.err == ""
+
+
+def test_help_names_every_command_without_loading_it():
+    result = cruise("--help")
+    assert result.returncode == 0
+    for name in COMMANDS:
+        assert name in result.stdout
+    assert cruise("--version").stdout == f"cruise {__version__}\n"
+
+
+@pytest.mark.parametrize(
+    ("raised", "code", "line"),
+    [
+        (CruiseError("two\nlines"), 2, "error: two lines\n"),
+        (KeyboardInterrupt(), 130, "error: interrupted\n"),
+        (SystemExit(7), 7, ""),
+        (SystemExit(), 0, ""),
+    ],
+)
+def test_what_ends_a_command_becomes_a_line_and_a_code(raised, code, line, monkeypatch, capsys):
+    @dataclass(frozen=True)
+    class Failing:
+        def run(self) -> int:
+            raise raised
+
+    monkeypatch.setattr(dispatcher, "_parse", lambda arguments: Failing())
+    assert main(["tracks", "list"]) == code
+    assert capsys.readouterr().err == line
+
+
+def test_a_reader_that_goes_away_is_no_error():
+    code = "import sys; from cruise.cli.main import main; sys.exit(main(['tracks', 'check', 'ring']))"
+    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        process.stdout.close()
+        assert process.stderr.read() == b""
+        assert process.wait() == 141

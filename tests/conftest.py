@@ -1,0 +1,25 @@
+"""Every test runs on the CPU, with annotations that are checked and compilations that are kept.
+
+This must run before anything imports `cruise` or JAX: the settings are read, and the modules instrumented, at import.
+"""
+
+import os
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+
+os.environ["JAX_PLATFORMS"] = "cpu"
+os.environ["MPLBACKEND"] = "agg"
+os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(ROOT / ".jax_cache"))
+os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.2")
+
+from hypothesis import settings
+from jaxtyping import install_import_hook
+
+from tests import annotations
+
+install_import_hook("cruise", f"{annotations.__name__}.checked")
+
+# No deadline: the first example compiles. In CI the same examples every time.
+settings.register_profile("cruise", deadline=None, derandomize="CI" in os.environ)
+settings.load_profile("cruise")

@@ -1,0 +1,179 @@
+"""Each component of the reward against an independent transcription, on random steps of random races."""
+
+import functools
+from collections.abc import Callable
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from cruise.config import RewardWeights
+from cruise.env.reward import Motion, reward_components, total_reward
+from cruise.presets import CURRICULUM, REWARDS
+from cruise.racing.gates import Crossing
+from tests.env import paper_reference as paper
+from tests.env.races import RING, rules_of
+
+DRONES, RACES = 4, 60
+STAGE = CURRICULUM[-1]
+GATES = np.array([g.position_w for g in RING.gates])
+
+
+def random_step(seed: int = 0) -> dict[str, np.ndarray]:
+    """A step that never flew: before and after are unrelated, so that every sign occurs. [3, N, E] and [N, E]."""
+    rng = np.random.default_rng(seed)
+    shape = (3, DRONES, RACES)
+    p0 = rng.uniform(-2, 2, shape) + np.array([8.0, 0, 4.0])[:, None, None]
+    v0, v1 = (rng.normal(size=shape) * rng.choice([0.0, 1.0, 6.0], shape[1:]) for _ in range(2))
+    return {
+        "p0": p0,
+        "p1": p0 + rng.normal(size=shape) * rng.choice([0.05, 0.5, 2.0], shape[1:]),
+        "v0": v0,
+        "v1": v1,
+        "gate": GATES[rng.integers(5, size=shape[1:])].transpose(2, 0, 1),
+        "flying": rng.random(shape[1:]) < 0.8,
+        "collided": rng.random(shape[1:]) < 0.3,
+        "nearest": np.where(rng.random(shape[1:]) < 0.2, np.inf, rng.uniform(0.1, 3, shape[1:])),
+    }
+
+
+def components_of(weights: RewardWeights, step: dict[str, np.ndarray], rules: object = None) -> dict[str, np.ndarray]:
+    """Weighted components by the package."""
+
+    def compute(s: dict[str, jax.Array], rules: object) -> dict[str, jax.Array]:
+        motion = Motion(s["p0"], s["p1"], s["v0"], s["v1"], s["gate"])
+        return reward_components(weights, rules, motion, s["nearest"], s["collided"], s["flying"])
+
+    arrays = {k: jnp.asarray(v, bool if v.dtype == bool else jnp.float32) for k, v in step.items()}
+    return {k: np.asarray(v) for k, v in jax.jit(compute)(arrays, rules_of(STAGE) if rules is None else rules).items()}
+
+
+def each_drone(step: dict[str, np.ndarray], formula: object) -> np.ndarray:
+    """`formula(race, drone)` for all, [N, E]; a race is the step with its last axis picked."""
+    races = [{k: v[..., e] for k, v in step.items()} for e in range(RACES)]
+    return np.array([[formula(race, i) for race in races] for i in range(DRONES)])
+
+
+FORMULAS = {
+    "prox": lambda w, s, i: w.w_prox * paper.r_prox(s["p1"][:, i], s["gate"][:, i], w.proximity_decay),
+    "prog": lambda w, s, i: w.w_prog * paper.r_prog(s["p0"][:, i], s["p1"][:, i], s["gate"][:, i], w.progress_scale),
+    "align": lambda w, s, i: -w.w_align * paper.r_align(s["p1"][:, i], s["v1"][:, i], s["gate"][:, i]),
+    "speed": lambda w, s, i: w.w_speed * paper.r_speed(s["v1"][:, i], STAGE.v_min),
+}
+
+
+@pytest.mark.parametrize("preset", REWARDS)
+@pytest.mark.parametrize("name", FORMULAS)
+def test_flight_terms_are_the_papers(name: str, preset: str) -> None:
+    weights, step = REWARDS[preset], random_step(1)
+    expected = each_drone(step, lambda s, i: FORMULAS[name](weights, s, i))
+    np.testing.assert_allclose(components_of(weights, step)[name], expected, atol=2e-5)
+    if preset == "paper":
+        assert np.ptp(expected) > 0.1
+
+
+@pytest.mark.parametrize("reach", [4.0, np.inf])
+@pytest.mark.parametrize("sign", ["fixed", "paper"])
+def test_overtaking_with_either_sign(sign: str, reach: float) -> None:
+    """Fixed: j goes from ahead to behind. Paper: as printed, from behind to ahead."""
+    step = random_step(2)
+    weights = RewardWeights(overtake_sign=sign, overtake_range=reach)
+
+    def count(s: dict[str, np.ndarray], i: int) -> int:
+        before, after = {"p": s["p0"], "v": s["v0"]}, {"p": s["p1"], "v": s["v1"]}
+        return paper.r_over(i, before, after, s["flying"], sign, reach)
+
+    expected = STAGE.w_over * each_drone(step, count)
+    assert (expected > 0).mean() > 0.05
+    np.testing.assert_allclose(components_of(weights, step)["over"], expected, atol=1e-6)
+
+
+def test_overtaking_and_being_overtaken_are_opposites() -> None:
+    """Drone 0 flies past drone 1: with the fixed sign 0 is rewarded, with the paper's 1 is."""
+    p0 = np.array([[[0.0], [0.5]], [[0.0], [0.8]], [[3.0], [3.0]]])
+    p1 = p0 + np.array([[[1.0], [0.2]], [[0.0], [0.0]], [[0.0], [0.0]]])
+    v = np.array([[[10.0], [2.0]], [[0.0], [0.0]], [[0.0], [0.0]]])
+    step = {"p0": p0, "p1": p1, "v0": v, "v1": v, "gate": p0 + np.array([9.0, 0, 0])[:, None, None]}
+    step |= {"flying": np.ones((2, 1), bool), "collided": np.zeros((2, 1), bool), "nearest": np.full((2, 1), 5.0)}
+    for sign, winner in (("fixed", 0), ("paper", 1)):
+        over = components_of(RewardWeights(overtake_sign=sign), step)["over"][:, 0]
+        assert over[winner] == pytest.approx(STAGE.w_over)
+        assert over[1 - winner] == 0
+
+
+def test_collision_and_nearness_terms() -> None:
+    step, weights = random_step(3), REWARDS["default"]
+    ours = components_of(weights, step)
+    np.testing.assert_allclose(ours["coll"], -STAGE.w_coll * step["collided"], atol=1e-6)
+    closer = np.clip(weights.near_distance - step["nearest"], 0, None)
+    np.testing.assert_allclose(ours["near"], -weights.w_near * closer, atol=1e-6)
+    assert components_of(REWARDS["paper"], step)["near"].max() == 0
+
+
+def test_stages_without_collision_penalty_have_none() -> None:
+    for stage in CURRICULUM:
+        coll = components_of(REWARDS["paper"], random_step(4), rules_of(stage))["coll"]
+        assert (coll.min() < 0) == stage.collision_penalty
+        assert coll.min() == pytest.approx(-stage.w_coll)
+
+
+def test_a_drone_at_rest_is_not_misaligned() -> None:
+    step = random_step(5)
+    step["v1"] = np.zeros_like(step["v1"])
+    assert (components_of(REWARDS["paper"], step)["align"] == 0).all()
+
+
+@functools.cache
+def _total(weights: RewardWeights) -> Callable[..., jax.Array]:
+    return jax.jit(functools.partial(total_reward, weights))
+
+
+def total(weights: RewardWeights, components: dict, passed: object, offset: object, ended: object) -> np.ndarray:
+    """The package's reward of a step."""
+    shape = np.shape(components["prox"])
+    no = jnp.zeros(shape, bool)
+    crossing = Crossing(jnp.asarray(passed), no, no, jnp.zeros(shape), jnp.asarray(offset, jnp.float32))
+    return np.asarray(_total(weights)(components, crossing, jnp.asarray(ended)))
+
+
+def random_totals(weights: RewardWeights) -> tuple[dict[str, np.ndarray], np.ndarray, np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(6)
+    components = components_of(weights, random_step(6))
+    passed, ended = (rng.random((DRONES, RACES)) < 0.3 for _ in range(2))
+    return components, passed, rng.uniform(-1, 0.5, (DRONES, RACES)), ended
+
+
+@pytest.mark.parametrize("preset", REWARDS)
+def test_the_total_is_the_clipped_sum_or_the_end(preset: str) -> None:
+    weights = REWARDS[preset]
+    components, passed, offset, ended = random_totals(weights)
+    reward = total(weights, components, passed, offset, ended)
+    plain = np.clip(sum(components.values()), -weights.clip, weights.clip)
+    flying = ~passed & ~ended
+    np.testing.assert_allclose(reward[flying], plain[flying], atol=1e-5)
+    np.testing.assert_array_equal(reward[ended], np.float32(weights.terminal))
+    assert np.abs(reward[~ended]).max() <= weights.clip
+    assert (np.abs(plain) == weights.clip).any()
+
+
+def test_printed_weights_reward_a_passed_gate_with_one_and_an_end_with_minus_one() -> None:
+    weights = REWARDS["paper"]
+    components, passed, offset, ended = random_totals(weights)
+    alone = {k: np.zeros_like(v) if k in ("over", "coll", "near") else v for k, v in components.items()}
+    reward = total(weights, alone, passed, offset, ended)
+    np.testing.assert_array_equal(reward[passed & ~ended], 1.0)
+    np.testing.assert_array_equal(reward[ended], -1.0)
+    assert (weights.w_prox, weights.w_prog, weights.w_align, weights.w_speed) == (0.52, 1.51, 0.17, 0.2)
+    assert (weights.proximity_decay, weights.proximity_range, weights.progress_scale) == (2.0, 10.0, 2.5)
+
+
+def test_a_pass_near_the_edge_earns_less_never_more() -> None:
+    weights = REWARDS["default"]
+    components, _, _, _ = random_totals(weights)
+    quiet = {k: np.zeros_like(v) for k, v in components.items()}
+    yes, no = np.ones((DRONES, RACES), bool), np.zeros((DRONES, RACES), bool)
+    offsets = np.linspace(-1, 0.5, DRONES * RACES)
+    rewards = total(weights, quiet, yes, offsets.reshape(DRONES, RACES), no).ravel()
+    assert rewards[0] == pytest.approx(min(weights.gate_bonus, weights.clip))
+    assert (np.diff(rewards) <= 1e-6).all()

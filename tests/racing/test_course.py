@@ -1,0 +1,70 @@
+"""A track as arrays."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from cruise.config import Track
+from cruise.presets import TRACKS
+from cruise.racing.course import make_course, pick
+from cruise.racing.field import opponent, opponents
+from tests.helpers import random_track
+
+ALL_TRACKS = [*TRACKS.values(), random_track(5), random_track(6, gates=1)]
+
+
+@pytest.mark.parametrize("track", ALL_TRACKS, ids=lambda t: f"{t.name}-{len(t.gates)}")
+def test_arrays_are_the_tracks_numbers(track: Track) -> None:
+    course = make_course(track)
+    assert course.num_gates == len(track.gates)
+    for g, gate in enumerate(track.gates):
+        np.testing.assert_allclose(course.position_w[:, g], gate.position_w, rtol=1e-6, atol=1e-6)
+        np.testing.assert_allclose(course.normal_w[:, g], [np.cos(gate.yaw), np.sin(gate.yaw)], atol=1e-6)
+        np.testing.assert_allclose(course.half_size[:, g], [gate.width / 2, gate.height / 2], rtol=1e-6)
+    np.testing.assert_allclose(course.bounds_low, track.bounds_low)
+    np.testing.assert_allclose(course.bounds_high, track.bounds_high)
+    assert all(leaf.dtype == jnp.float32 for leaf in jax.tree.leaves(course))
+
+
+@pytest.mark.parametrize("shape", [(), (4,), (4, 6)])
+def test_pick_is_indexing(shape: tuple[int, ...]) -> None:
+    course = make_course(random_track(5))
+    gate = np.random.default_rng(0).integers(course.num_gates, size=shape)
+    for table in (course.position_w, course.normal_w, course.half_size):
+        np.testing.assert_array_equal(pick(table, jnp.asarray(gate)), np.asarray(table)[:, gate])
+
+
+def test_the_papers_tracks() -> None:
+    """Gates, lengths and heights of the paper's two tracks."""
+    lengths = {}
+    for name, track in TRACKS.items():
+        gates = np.array([g.position_w for g in track.gates])
+        lengths[name] = np.linalg.norm(np.roll(gates, -1, axis=0) - gates, axis=1).sum()
+        assert all(g.width == g.height == 2.0 for g in track.gates)
+    assert lengths["ring"] == pytest.approx(58.95, abs=0.01)
+    assert lengths["figure-eight"] == pytest.approx(56.8, abs=0.05)
+    ring, eight = TRACKS["ring"], TRACKS["figure-eight"]
+    assert [g.position_w[2] for g in ring.gates] == [4, 3, 4, 3, 4]
+    np.testing.assert_allclose([np.hypot(*g.position_w[:2]) for g in ring.gates], 10)
+    yaws = np.array([0, np.pi / 2, np.pi, np.pi, np.pi / 2, 0])
+    np.testing.assert_allclose([g.yaw for g in eight.gates], yaws)
+
+
+@pytest.mark.parametrize("track", TRACKS.values(), ids=lambda t: t.name)
+def test_built_in_gates_face_the_direction_of_flight(track: Track) -> None:
+    """Each normal points along the segment that arrives and the one that leaves."""
+    gates = np.array([g.position_w for g in track.gates])
+    for g, gate in enumerate(track.gates):
+        normal = np.array([np.cos(gate.yaw), np.sin(gate.yaw)])
+        arriving, leaving = gates[g] - gates[g - 1], gates[(g + 1) % len(gates)] - gates[g]
+        assert normal @ arriving[:2] > 0
+        assert normal @ leaving[:2] > 0
+
+
+@pytest.mark.parametrize("drones", [1, 2, 5])
+def test_every_drone_meets_every_opponent_once(drones: int) -> None:
+    ids = jnp.arange(drones)
+    met = np.array([opponent(ids, k, 0) for k in opponents(drones)]).reshape(-1, drones)
+    for drone in range(drones):
+        assert sorted(met[:, drone]) == [d for d in range(drones) if d != drone]

@@ -1,0 +1,178 @@
+"""Malformed track files: one row for each way in which a file can be wrong, and what must be said about it."""
+
+GATE = "[[gates]]\nposition = [0, 0, 2]\nyaw_deg = 0\n"
+SECOND = "[[gates]]\nposition = [12, 0, 2]\nyaw_deg = 0\n"
+THIRD = "[[gates]]\nposition = [6, 8, 2]\nyaw_deg = 180\n"
+NAME = 'name = "test"\n'
+SOUND = NAME + GATE
+
+
+def with_gate(line: str) -> str:
+    """A sound track whose only gate has one more line, or another in place of the one for that key."""
+    key = line.split("=", maxsplit=1)[0].strip()
+    kept = [row for row in GATE.splitlines() if not row.startswith(f"{key} ")]
+    return NAME + "\n".join([*kept, line]) + "\n"
+
+
+# name of the case: (file, every fault that must be named)
+MALFORMED: dict[str, tuple[str, list[str]]] = {
+    "no name": (GATE, ['name is missing: the track\'s name, as in name = "my track"']),
+    "name of a wrong type": ("name = 3\n" + GATE, ["name must be text in quotes, got 3"]),
+    "blank name": ('name = "  "\n' + GATE, ["name must be printable text that is not blank, got '  '"]),
+    "control characters": (
+        'name = "a\\u001b[2J"\n' + GATE,
+        ["name must be printable text that is not blank, got 'a\\x1b[2J'"],
+    ),
+    "unknown key": ("lapps = 3\n" + SOUND, ["unknown key 'lapps'; did you mean 'laps'?"]),
+    "unlike any key": (
+        "colour = 3\n" + SOUND,
+        ["unknown key 'colour'; known are name, laps, frame_width, leave_distance, bounds, gates"],
+    ),
+    "no laps": ("laps = 0\n" + SOUND, ["laps must be 1 to 1000, got 0"]),
+    "negative laps": ("laps = -2\n" + SOUND, ["laps must be 1 to 1000, got -2"]),
+    "half a lap": ("laps = 1.5\n" + SOUND, ["laps must be a whole number, got 1.5"]),
+    "laps that are true": ("laps = true\n" + SOUND, ["laps must be a whole number, got true"]),
+    "too many laps": (f"laps = {10**30}\n" + SOUND, ["laps must be 1 to 1000, got a huge number"]),
+    "negative frame": ("frame_width = -0.1\n" + SOUND, ["frame_width must be at least 0, got -0.1"]),
+    "frame that is text": ('frame_width = "0.3"\n' + SOUND, ["frame_width must be a number, got '0.3'"]),
+    "no leave distance": ("leave_distance = 0\n" + SOUND, ["leave_distance must be greater than 0, got 0"]),
+    "infinite leave distance": ("leave_distance = inf\n" + SOUND, ["leave_distance must be finite, got inf"]),
+    "no gates": (NAME, ["no gates: a track needs at least one [[gates]]"]),
+    "empty gates": (NAME + "gates = []\n", ["no gates: a track needs at least one [[gates]]"]),
+    "one table of gates": (
+        NAME + GATE.replace("[[gates]]", "[gates]"),
+        ["gates must be an array of tables, each headed [[gates]], got a table"],
+    ),
+    "gates that are numbers": (
+        NAME + "gates = [1, 2]\n",
+        ["gate 1: must be a table, got 1", "gate 2: must be a table, got 2"],
+    ),
+    "too many gates": (NAME + GATE * 201, ["201 gates are too many: at most 200"]),
+    "no position": (
+        NAME + "[[gates]]\nyaw_deg = 0\n",
+        ["gate 1: position is missing: the centre of the opening, as in position = [10, 0, 2]"],
+    ),
+    "position in the plane": (
+        with_gate("position = [0, 2]"),
+        ["gate 1: position must be three numbers [x, y, z], got 2 of them"],
+    ),
+    "position that is a number": (
+        with_gate("position = 3.5"),
+        ["gate 1: position must be three numbers [x, y, z], got 3.5"],
+    ),
+    "position that is nowhere": (
+        with_gate("position = [nan, 0, inf]"),
+        ["gate 1: position x must be finite, got nan; z must be finite, got inf"],
+    ),
+    "position of text": (
+        with_gate('position = [0, "1", [2]]'),
+        ["gate 1: position y must be a number, got '1'; z must be a number, got an array"],
+    ),
+    "position far off": (
+        with_gate("position = [1e30, 0, 2]"),
+        ["gate 1: position x must lie within -10000 and 10000, got 1e+30"],
+    ),
+    "position of huge whole numbers": (
+        with_gate(f"position = [0, {10**400}, 2]"),
+        ["gate 1: position y must lie within -10000 and 10000, got a huge number"],
+    ),
+    "no yaw": (
+        NAME + "[[gates]]\nposition = [0, 0, 2]\n",
+        ["gate 1: yaw_deg is missing: the heading in which the gate is flown, 0 along x, 90 along y"],
+    ),
+    "two yaws": (with_gate("yaw_rad = 0.0"), ["gate 1: yaw_deg and yaw_rad are both given: keep one"]),
+    "yaw that is false": (with_gate("yaw_deg = false"), ["gate 1: yaw_deg must be a number, got false"]),
+    "yaw that is no number": (with_gate("yaw_deg = nan"), ["gate 1: yaw_deg must be finite, got nan"]),
+    "yaw under its wrong name": (
+        NAME + "[[gates]]\nposition = [0, 0, 2]\nyaw = 90\n",
+        ["gate 1: unknown key 'yaw'; did you mean 'yaw_rad'?", "gate 1: yaw_deg is missing"],
+    ),
+    "no width": (with_gate("width = 0.0"), ["gate 1: width must be greater than 0, got 0.0"]),
+    "negative height": (with_gate("height = -2"), ["gate 1: height must be greater than 0, got -2"]),
+    "width that is a date": (
+        with_gate("width = 2026-01-01"),
+        ["gate 1: width must be a number, got 2026-01-01"],
+    ),
+    "bounds that are an array": (
+        "bounds = [1, 2]\n" + SOUND,
+        ["bounds: must be a table [bounds] with low and high, got an array"],
+    ),
+    "half of the bounds": (
+        SOUND + "[bounds]\nlow = [-9, -9, 0]\n",
+        ["bounds: high is missing: the highest corner, as in high = [20, 20, 10]"],
+    ),
+    "bounds with an unknown key": (
+        SOUND + "[bounds]\nlow = [-9, -9, 0]\nhigh = [9, 9, 9]\nhihg = 3\n",
+        ["bounds: unknown key 'hihg'; did you mean 'high'?"],
+    ),
+    "inverted bounds": (
+        SOUND + "[bounds]\nlow = [9, -9, 0]\nhigh = [-9, 9, 9]\n",
+        ["bounds: inverted: low x = 9 must be less than high x = -9"],
+    ),
+    "bounds without a floor": (
+        SOUND + "[bounds]\nlow = [-9, -9, 1]\nhigh = [9, 9, 9]\n",
+        ["bounds: low z must be at most 0, got 1: the ground is the floor"],
+    ),
+    "gate beside the bounds": (
+        SOUND + "[bounds]\nlow = [-9, -0.5, 0]\nhigh = [9, 9, 9]\n",
+        ["gate 1: is out of bounds: reaches y = -1, bounds begin at -0.5"],
+    ),
+    "gate above the bounds": (
+        SOUND + "[bounds]\nlow = [-9, -9, 0]\nhigh = [9, 9, 2.5]\n",
+        ["gate 1: is out of bounds: reaches z = 3, bounds end at 2.5"],
+    ),
+    "gate on the ground": (
+        with_gate("position = [0, 0, 0]"),
+        ["gate 1: lies under ground: its centre is at z = 0, must be above 0"],
+    ),
+    "gate under ground": (
+        with_gate("position = [0, 0, -3]"),
+        ["gate 1: lies under ground: its centre is at z = -3, must be above 0"],
+    ),
+    "the same gate twice": (
+        NAME + GATE + GATE,
+        ["gate 1: overlaps gate 2, frames included: their centres are 0 m apart"],
+    ),
+    "frames that overlap": (
+        NAME + GATE + SECOND.replace("12, 0", "0, 2.5"),
+        ["gate 1: overlaps gate 2, frames included: their centres are 2.5 m apart"],
+    ),
+    "gates that cross": (
+        NAME + GATE + "[[gates]]\nposition = [0.5, 0.5, 2.5]\nyaw_deg = 90\n",
+        ["gate 1: overlaps gate 2, frames included: their centres are 0.866 m apart"],
+    ),
+    "gate that faces backwards": (
+        NAME + GATE + SECOND.replace("yaw_deg = 0", "yaw_deg = 181") + THIRD,
+        ["gate 2: faces away from the flight direction: yaw_deg is 181, flown at 63.43"],
+    ),
+    "gate out of reach": (
+        "leave_distance = 5\n" + NAME + GATE + SECOND + THIRD,
+        ["gate 1: the straight way to gate 2 is up to 6 m from every gate, beyond leave_distance = 5 m"],
+    ),
+    "many faults at once": (
+        "lap = 3\n" + NAME + GATE.replace("2]", "-2]") + SECOND + GATE.replace("yaw_deg = 0", 'width = "w"'),
+        [
+            "unknown key 'lap'; did you mean 'laps'?",
+            "gate 3: width must be a number, got 'w'",
+            "gate 3: yaw_deg is missing",
+            "gate 1: lies under ground",
+        ],
+    ),
+}
+
+# name of the case: (content, what must be said)
+UNREADABLE: dict[str, tuple[bytes, str]] = {
+    "no value": (b"name =", "not TOML: Invalid value (at end of document)"),
+    "broken line": (
+        b'name = "a"\nlaps 3\n',
+        "not TOML: Expected '=' after a key in a key/value pair (at line 2, column 6)",
+    ),
+    "key given twice": (b'name = "a"\nname = "b"\n', "not TOML: Cannot overwrite a value (at line 2, column 11)"),
+    "array without end": (b"gates = [", "not TOML: "),
+    "deeper than the parser": (b"gates = " + b"[" * 20_000, "not TOML: "),
+    "number of 5000 digits": (b"laps = " + b"9" * 5000, "not TOML: "),
+    "not UTF-8": (b'name = "\xff\xfe"', "not UTF-8 text: byte 8 cannot be read"),
+    "a picture": (b"\x89PNG\r\n\x1a\n" + bytes(64), "not UTF-8 text: byte 0 cannot be read"),
+    "zeros": (bytes(64), "not TOML: "),
+    "too large": (b"#" * 1_000_001, "too large for a track file: more than 1000000 bytes"),
+}
