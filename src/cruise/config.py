@@ -89,19 +89,20 @@ class RewardWeights:
     w_prox: float = 0.0
     proximity_decay: float = 2.0  # a
     proximity_range: float = 10.0  # x = distance / range [m]
-    w_prog: float = 0.7
+    w_prog: float = 0.35
     progress_scale: float = 2.5  # beta [1/m]
-    w_align: float = 0.05
-    w_speed: float = 0.01
+    progress_to: Literal["opening", "centre"] = "opening"  # where the distance of prox and prog ends
+    w_align: float = 0.02
+    w_speed: float = 0.005
     overtake_sign: Literal["fixed", "paper"] = "fixed"
     overtake_range: float = 3.0  # overtaking counts against opponents nearer than this [m]
-    gate_bonus: float = 1.0  # reward of the step that passes a gate, in place of the sum
-    w_edge: float = 5.0  # per metre that a crossing lies outside the opening shrunk by `edge_margin`
-    edge_margin: float = 0.3  # [m]
+    gate_bonus: float = 10.0  # reward of the step that passes a gate, in place of the terms of flight
+    w_edge: float = 10.0  # per metre that a crossing lies outside the opening shrunk by `edge_margin`
+    edge_margin: float = 0.25  # [m]
     w_near: float = 0.5  # per metre that the nearest opponent is closer than `near_distance`
     near_distance: float = 1.2  # [m]
-    clip: float = 1.0  # each step's sum is clipped to [-clip, clip]
-    terminal: float = -5.0  # reward of the step that ends an episode, outside the clip
+    clip: float = 1.0  # each step's sum is clipped to [-clip, clip], a gate's bonus to what it is
+    terminal: float = -10.0  # reward of the step that ends an episode, outside the clip
 
 
 @dataclass(frozen=True)

@@ -53,6 +53,7 @@ REWARDS: dict[str, RewardWeights] = {
     "paper": RewardWeights(
         w_prox=0.52,
         w_prog=1.51,
+        progress_to="centre",
         w_align=0.17,
         w_speed=0.2,
         overtake_sign="paper",

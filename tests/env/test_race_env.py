@@ -130,6 +130,20 @@ def test_who_has_left_the_air_is_frozen_and_obstructs_nobody(gone: str) -> None:
     assert np.asarray(collided.collisions.drone).all()
 
 
+def test_a_wreck_crashes_only_once() -> None:
+    """Lying on the ground, outside the bounds, on its back: for a drone that is out, all that is over."""
+    env = race_env(2)
+    position = np.array([[25.0, 10.0], [0.0, 0.0], [0.0, 4.0]])
+    euler = np.array([[3.0, 0.0], [0.0, 0.0], [0.0, 0.0]])
+    for gone in (True, False):
+        state = state_of(env, position, euler=euler, out=np.array([gone, False]))
+        _, outcome = env.step(state, idle(state), rules_of())
+        for kind in ("ground", "bounds", "flip"):
+            np.testing.assert_array_equal(getattr(outcome.collisions, kind), [not gone, False])
+        np.testing.assert_array_equal(outcome.terminated, [not gone, False])
+        assert (float(outcome.reward[0]) == 0.0) == gone
+
+
 def test_finishing_is_no_crash() -> None:
     """The last gate finishes the race: reward of the gate, out of the air, not terminated, frozen from then on."""
     env = race_env(2)

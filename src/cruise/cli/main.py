@@ -74,8 +74,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         return code
     except CruiseError as error:
         return _complain(str(error))
-    except KeyboardInterrupt:
-        return _complain("interrupted", INTERRUPTED)
+    except KeyboardInterrupt as stop:
+        return _complain(str(stop) or "interrupted", INTERRUPTED)
     except BrokenPipeError:
         # Whoever read our output has gone; flushing what is left at exit would fail again.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -2,8 +2,9 @@
 
 import math
 import time
+from collections import deque
 from contextlib import AbstractContextManager
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Any, Self
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
@@ -13,6 +14,7 @@ from cruise.config import TrainConfig
 if TYPE_CHECKING:
     from cruise.training.trainer import Progress as Update
 
+RATE_UPDATES = 40  # over which the rate is taken
 LINE_SECONDS = 10.0  # between plain lines, stage ends apart
 
 
@@ -41,18 +43,17 @@ class Screen(AbstractContextManager["Screen"]):
 
 
 class _Clock:
-    """Steps per second since the second update; the first one compiles."""
+    """Steps per second over the last updates. The first ones compile, so they do not count for long."""
 
     def __init__(self) -> None:
-        self._origin: tuple[float, int] | None = None
+        self._marks: deque[tuple[float, int]] = deque(maxlen=RATE_UPDATES)
         self.rate = math.nan
 
     def tick(self, steps: int) -> None:
-        now = time.monotonic()
-        if self._origin is None:
-            self._origin = now, steps
-        elif now > self._origin[0]:
-            self.rate = (steps - self._origin[1]) / (now - self._origin[0])
+        self._marks.append((time.monotonic(), steps))
+        (first_time, first_steps), (last_time, last_steps) = self._marks[0], self._marks[-1]
+        if last_time > first_time:
+            self.rate = (last_steps - first_steps) / (last_time - first_time)
 
 
 class _Lines(Screen):
@@ -90,7 +91,7 @@ class _Panel(Screen):
             console=self.console,
         )
         self.console.print(f"training {self.title}: {self.total_steps:,} steps")
-        fields = {"stage": "compiling", "rate": "", "evaluation": ""}
+        fields: dict[str, Any] = {"stage": "compiling", "rate": "", "evaluation": ""}
         self._task = self._bar.add_task("train", total=self.total_steps, **fields)
         self._bar.start()
         return self

@@ -11,7 +11,7 @@ from jaxtyping import Array, Bool, Float
 from cruise.config import ObservationKind, RewardWeights, Track, Vehicle
 from cruise.dynamics import DroneState, Dynamics, make_dynamics
 from cruise.env.observation import ACTIONS, OBSERVATIONS
-from cruise.env.reward import Motion, reward_components, total_reward
+from cruise.env.reward import Motion, Target, reward_components, total_reward
 from cruise.env.types import Collisions, RaceState, Rules, StepOutcome
 from cruise.racing.contacts import nearest_opponent, on_ground, out_of_bounds
 from cruise.racing.course import Course, make_course, pick
@@ -97,8 +97,8 @@ def make_race_env(
         solid = once(collisions.drone | collisions.ground | collisions.gate_frame)
         lost = collisions.bounds | collisions.flip
         terminated = once(lost | (solid & rules.terminal_collisions))
-        gate_w = pick(course.position_w, state.next_gate)
-        motion = Motion(start_w, end_w, state.drones.velocity_w, drones.velocity_w, gate_w)
+        gate = (pick(table, state.next_gate) for table in (course.position_w, course.normal_w, course.half_size))
+        motion = Motion(state.drones, drones, Target(*gate), weights)
         components = reward_components(weights, rules, motion, nearest, solid, airborne)
         outcome = StepOutcome(
             reward=jnp.where(airborne, total_reward(weights, components, crossing, terminated), 0.0),

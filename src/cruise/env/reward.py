@@ -1,9 +1,12 @@
 """The paper's reward (Sec. 3.2.2), one function per component, and the project's two additions."""
 
+from typing import NamedTuple
+
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from cruise.config import RewardWeights
+from cruise.dynamics import DroneState
 from cruise.env.types import Rules
 from cruise.racing.field import opponent, opponents
 from cruise.racing.gates import Crossing
@@ -58,15 +61,43 @@ def overtakes(motion: "Motion", airborne: Bool[Array, "N *B"], reach: float, sig
     return count
 
 
+class Target(NamedTuple):
+    """The gate each drone is flying to."""
+
+    position_w: Float[Array, "3 *B"]  # centre [m]
+    normal_w: Float[Array, "2 *B"]
+    half_size: Float[Array, "2 *B"]  # [m]
+
+
+def distance_to_centre(target: Target, position_w: Float[Array, "3 *B"]) -> Float[Array, "*B"]:
+    """d_t of the paper [m]."""
+    return norm(target.position_w - position_w)
+
+
+def distance_to_opening(target: Target, position_w: Float[Array, "3 *B"], margin: float) -> Float[Array, "*B"]:
+    """Distance [m] to the nearest point of the opening shrunk by `margin` on every side: no point of it is better."""
+    x, y, z = position_w - target.position_w
+    cos_yaw, sin_yaw = target.normal_w
+    forward, left = cos_yaw * x + sin_yaw * y, cos_yaw * y - sin_yaw * x
+    beside = jnp.maximum(jnp.abs(left) - jnp.maximum(target.half_size[0] - margin, 0.0), 0.0)
+    above = jnp.maximum(jnp.abs(z) - jnp.maximum(target.half_size[1] - margin, 0.0), 0.0)
+    return jnp.sqrt(forward**2 + beside**2 + above**2)
+
+
 class Motion:
     """Quantities of one step that several components share. [m], [m/s], world frame."""
 
-    def __init__(self, start_w: Array, end_w: Array, velocity0_w: Array, velocity_w: Array, gate_w: Array) -> None:
-        self.start_w, self.end_w, self.velocity0_w, self.velocity_w = start_w, end_w, velocity0_w, velocity_w
-        self.to_gate_w = gate_w - end_w
-        self.distance_before = norm(gate_w - start_w)
-        self.distance = norm(self.to_gate_w)
-        self.speed = norm(velocity_w)
+    def __init__(self, before: DroneState, after: DroneState, target: Target, weights: RewardWeights) -> None:
+        self.start_w, self.end_w = before.position_w, after.position_w
+        self.velocity0_w, self.velocity_w = before.velocity_w, after.velocity_w
+        self.to_gate_w = target.position_w - self.end_w
+        self.speed = norm(self.velocity_w)
+        if weights.progress_to == "centre":
+            self.distance_before = distance_to_centre(target, self.start_w)
+            self.distance = distance_to_centre(target, self.end_w)
+        else:
+            self.distance_before = distance_to_opening(target, self.start_w, weights.edge_margin)
+            self.distance = distance_to_opening(target, self.end_w, weights.edge_margin)
 
 
 def reward_components(
@@ -98,4 +129,5 @@ def total_reward(
     outside = jnp.maximum(crossing.offset + weights.edge_margin, 0.0)
     passing = weights.gate_bonus - weights.w_edge * outside
     reward = jnp.where(crossing.passed, passing, flight) + interaction
-    return jnp.where(terminated, weights.terminal, jnp.clip(reward, -weights.clip, weights.clip))
+    highest = jnp.where(crossing.passed, max(weights.clip, weights.gate_bonus), weights.clip)
+    return jnp.where(terminated, weights.terminal, jnp.clip(reward, -weights.clip, highest))

@@ -29,6 +29,7 @@ StrPath = str | os.PathLike[str]
 TIME_LIMIT = 150.0  # of a race, at least [s]
 SLOWEST = 1.25  # longer races get the time that this mean speed needs [m/s]
 MAX_DRONES = 64
+MAX_LAPS = 100
 DRONES_IN_BATCH = 1024  # flown at once; bounds memory, not the number of races
 STREAM = 0x5EED  # keeps the starts of races apart from every start seen in training, whatever the seeds
 
@@ -54,7 +55,7 @@ class Match:
 
 def find_pilot(choice: PilotChoice) -> Pilot:
     """A pilot by name or path: `chaser`, `hover`, or what `load_policy` takes. A pilot is given back as it is."""
-    if not isinstance(choice, str | os.PathLike):
+    if isinstance(choice, Pilot):
         return choice
     name = os.fspath(choice)
     return SCRIPTED[name] if name in SCRIPTED else load_policy(choice)
@@ -77,7 +78,7 @@ def make_match(
     """
     laps = track.laps if laps is None else laps
     _in_range("drones", drones, 1, MAX_DRONES)
-    _in_range("laps", laps, 1, 1000)
+    _in_range("laps", laps, 1, MAX_LAPS)
     if pilots is None:
         pilots = shipped_name(track.name, drones)
     choices: list[Any] = list(pilots) if isinstance(pilots, list | tuple) else [pilots]

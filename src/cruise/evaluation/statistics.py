@@ -30,7 +30,7 @@ class Estimate:
         return {name: None if math.isnan(value) else float(value) for name, value in fields.items()}
 
 
-def mean_estimate(per_race: Sequence[float]) -> Estimate:
+def mean_estimate(per_race: Sequence[float] | np.ndarray) -> Estimate:
     """Mean with Student's interval; races without a value (NaN) are left out."""
     values = _observed(per_race)
     if len(values) == 0:
@@ -40,7 +40,7 @@ def mean_estimate(per_race: Sequence[float]) -> Estimate:
     return Estimate(mean, std, mean - half, mean + half)
 
 
-def count_estimate(per_race: Sequence[float]) -> Estimate:
+def count_estimate(per_race: Sequence[float] | np.ndarray) -> Estimate:
     """Mean of a count of rare events.
 
     Student's interval, but never below 0, and never ending below what so many races without any event leave open
@@ -54,7 +54,7 @@ def count_estimate(per_race: Sequence[float]) -> Estimate:
     return Estimate(estimate.mean, estimate.std, max(estimate.low, 0.0), max(estimate.high, none_seen))
 
 
-def rate_estimate(per_race: Sequence[float], drones: int) -> Estimate:
+def rate_estimate(per_race: Sequence[float] | np.ndarray, drones: int) -> Estimate:
     """A success rate: the share of `drones` in each race, with Wilson's interval on the effective number of trials.
 
     As many independent trials as give the variance seen between races, at least one and at most `drones` per race;
@@ -79,7 +79,7 @@ def wilson(rate: float, trials: float) -> tuple[float, float]:
     return max(0.0, centre - half) if rate > 0 else 0.0, min(1.0, centre + half) if rate < 1 else 1.0
 
 
-def _observed(per_race: Sequence[float]) -> np.ndarray:
+def _observed(per_race: Sequence[float] | np.ndarray) -> np.ndarray:
     values = np.asarray(per_race, np.float64)
     return values[~np.isnan(values)]
 

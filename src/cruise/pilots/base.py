@@ -1,7 +1,7 @@
 """The one interface of everything that can fly a race."""
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -12,6 +12,7 @@ from cruise.env.types import RaceState
 Memory = Any  # a pytree of arrays that the pilot carries from step to step; () when it needs none
 
 
+@runtime_checkable
 class Pilot(Protocol):
     """Flies one drone or several of a race; pure functions that JAX can trace.
 

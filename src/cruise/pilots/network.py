@@ -51,7 +51,7 @@ class ActorCritic(eqx.Module):
         actor_key, critic_key = jax.random.split(key)
         self.actor = Perceptron((observation_size, *hidden, action_size), 0.01, actor_key)
         self.critic = Perceptron((observation_size, *hidden, 1), 1.0, critic_key)
-        self.log_std = jnp.full(action_size, initial_log_std)
+        self.log_std = jnp.full(action_size, initial_log_std, jnp.float32)  # not weakly typed, as updates make it
 
     def mean_action(self, observation: Float[Array, "O *B"]) -> Float[Array, "A *B"]:
         """The deterministic action, not yet clipped."""

@@ -49,7 +49,7 @@ def _series(rows: Sequence[dict[str, Any]], key: str) -> tuple[np.ndarray, np.nd
 def _draw(axes: Axes, rows: Sequence[dict[str, Any]], key: str, scale: float) -> None:
     steps, values = _series(rows, key)
     measured = key.startswith("evaluation/")
-    style = {"marker": ".", "label": "survival"} if measured else {}
+    style: dict[str, Any] = {"marker": ".", "label": "survival"} if measured else {}
     axes.plot(steps, values * scale, color=COLOURS[0], linewidth=1, **style)
 
 

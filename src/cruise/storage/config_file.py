@@ -107,7 +107,7 @@ def _plain_number(value: float) -> float | str:
     return str(value) if math.isinf(value) else value
 
 
-def _explain(error: BaseException, kind: type | None) -> str:
+def _explain(error: BaseException, kind: Any) -> str:
     if isinstance(error, cattrs.ForbiddenExtraKeysError):
         return "unknown key " + ", ".join(repr(key) for key in sorted(error.extra_fields))
     if isinstance(error, KeyError):
@@ -117,7 +117,7 @@ def _explain(error: BaseException, kind: type | None) -> str:
     choices = getattr(kind, "__args__", None)
     if choices and all(isinstance(choice, str) for choice in choices):
         return f"expected one of {', '.join(choices)}"
-    if isinstance(error, ValueError) and "values in collection" in str(error):
+    if isinstance(error, ValueError) and " values in " in str(error):
         return "wrong number of values"
     if is_dataclass(kind):
         return "expected an object"

@@ -10,7 +10,6 @@ from cruise.config import Gate, Track
 from cruise.rollout import Flight
 from cruise.storage.race_log import EVENT_KINDS, NOBODY, EventKind, RaceLog
 
-
 Flags = np.ndarray | Array  # the flight's types are the environment's, its arrays NumPy's
 
 

@@ -107,10 +107,12 @@ def make_collect(env: RaceEnv, num_races: int, rollout_steps: int, episode_steps
 
         carry = (state.races, state.restart, state.opponents)
         steps = (jnp.arange(rollout_steps), noise)
-        (races, terminated, opponents), (transitions, metrics) = jax.lax.scan(step, carry, steps)
+        transitions: Transitions
+        step_metrics: dict[str, Array]
+        (races, terminated, opponents), (transitions, step_metrics) = jax.lax.scan(step, carry, steps)
         last_value = model.value(env.observe(races)[:, ACTIVE])
         truncated = ~terminated & (races.step >= episode_steps)
-        metrics = jax.tree.map(jnp.mean, metrics)
+        metrics = {name: values.mean() for name, values in step_metrics.items()}
         metrics["truncated"] = truncated.mean() / rollout_steps
         state = state._replace(races=races, restart=terminated | truncated, opponents=opponents, key=key)
         return state, Experience(transitions, last_value, metrics)

@@ -103,8 +103,9 @@ def make_learn(
             return jax.lax.scan(minibatch_step, carry, order.reshape(config.minibatches, steps_per_minibatch))
 
         keys = jax.random.split(shuffle_key, config.epochs)
+        metrics: dict[str, Array]
         (model, opt_state), metrics = jax.lax.scan(epoch, (state.model, state.optimiser), keys)
         state = state._replace(model=model, optimiser=opt_state, key=key, updates=state.updates + 1)
-        return state, jax.tree.map(jnp.mean, metrics)
+        return state, {name: values.mean() for name, values in metrics.items()}
 
     return learn

@@ -19,10 +19,10 @@ from cruise.vector import norm
 class Score(NamedTuple):
     """How the active policy did in one evaluation. NaN where nothing was measured."""
 
-    win_rate: Float[Array, ""]
-    success: Float[Array, ""]  # share of races the active drone survived
-    speed: Float[Array, ""]  # mean of the active drone while in the air [m/s]
-    lap_time: Float[Array, ""]  # from the gates passed by survivors [s]
+    win_rate: Float[Array, ""] | float
+    success: Float[Array, ""] | float  # share of races the active drone survived
+    speed: Float[Array, ""] | float  # mean of the active drone while in the air [m/s]
+    lap_time: Float[Array, ""] | float  # from the gates passed by survivors [s]
 
 
 def win_rate(gates_passed: Int[Array, "N E"]) -> Float[Array, ""]:
@@ -111,7 +111,7 @@ def has_mastered(state: TrainState, score: Score, config: SelfPlayConfig) -> boo
     race opponents that fly as nobody does any more.
     """
     impatient = 0 < config.patience <= int(state.opponents.failed) + 1
-    return score.win_rate >= config.win_threshold or impatient
+    return impatient or bool(score.win_rate >= config.win_threshold)
 
 
 def may_replace(state: TrainState) -> bool:

@@ -1,6 +1,8 @@
 """A training run on disk: configuration, logs, checkpoints, policies; started, interrupted and resumed."""
 
 import json
+import os
+import shlex
 import signal
 import time
 from collections.abc import Callable, Iterator
@@ -13,14 +15,15 @@ import numpy as np
 from tensorboardX import SummaryWriter
 
 from cruise import __version__
-from cruise.config import TrainConfig, Track, Vehicle
+from cruise.config import Track, TrainConfig, Vehicle
 from cruise.errors import CruiseError
 from cruise.storage.atomic import write_atomically
-from cruise.storage.checkpoint import load_checkpoint, save_checkpoint
+from cruise.storage.checkpoint import CURRENT, load_checkpoint, save_checkpoint
 from cruise.storage.config_file import load_config, save_config
 from cruise.storage.policy_file import PolicyMeta, save_policy
 from cruise.training.curriculum import Phase
-from cruise.training.trainer import Progress, Trainer
+from cruise.training.trainer import Progress, Trainer, TrainingDiverged
+from cruise.training.types import TrainState
 
 METRICS = "metrics.jsonl"
 CONFIG = "config.json"
@@ -118,7 +121,7 @@ class Session:
         """Open a folder: a new one, or with `resume` that of an earlier run.
 
         Raises:
-            CruiseError: the folder holds a run already, or none to resume.
+            CruiseError: the folder holds a run already, or none to resume, or it cannot be written.
         """
         self.folder, self.config, self.track = folder, config, track
         self.trainer = Trainer(config, track, vehicle)
@@ -127,20 +130,30 @@ class Session:
             self.state, meta = load_checkpoint(folder, self.trainer.state_shape())
             self.seconds_before = float(meta["seconds"])
         else:
-            if (folder / CONFIG).exists():
-                raise CruiseError(
-                    f"{folder} holds a run already: resume it with --resume {folder}, or choose another --out"
-                )
-            folder.mkdir(parents=True, exist_ok=True)
-            self.state = self.trainer.initial_state()
-            save_config(folder / CONFIG, config)
+            self.state = self._begin()
+
+    def _begin(self) -> TrainState:
+        """A new run on disk. The configuration comes last: where there is one, there is a checkpoint to go on from."""
+        if os.path.exists(self.folder / CONFIG):  # Path.exists raises where a folder may not be entered
+            raise CruiseError(
+                f"{self.folder} holds a run already: go on with {self.resume_command}, or choose another --out"
+            )
+        state = self.trainer.initial_state()
+        save_checkpoint(self.folder, state, {"seconds": 0.0, "steps": 0, "version": __version__})
+        save_config(self.folder / CONFIG, self.config)
+        return state
+
+    @property
+    def resume_command(self) -> str:
+        """What to type to go on with this run."""
+        return f"cruise train --resume {shlex.quote(str(self.folder))}"
 
     def __iter__(self) -> Iterator[Progress]:
         """Train, log, save; yields after every update.
 
         Raises:
             Interrupted: after Ctrl-C, with everything saved.
-            TrainingDiverged: a loss stopped being finite; the last checkpoint is good.
+            TrainingDiverged: a loss or a parameter stopped being finite; the last checkpoint is good.
         """
         started = saved = time.monotonic()
         log = MetricsLog(self.folder, int(self.state.updates))
@@ -156,9 +169,9 @@ class Session:
                         saved = time.monotonic()
                     yield progress
                     if stop.asked:
-                        raise Interrupted(
-                            f"stopped after {progress.steps:,} steps; go on with: cruise train --resume {self.folder}"
-                        )
+                        raise Interrupted(f"stopped after {progress.steps:,} steps; go on with: {self.resume_command}")
+        except TrainingDiverged as error:
+            raise TrainingDiverged(f"{error}; the last good checkpoint is {self.folder / CURRENT}") from None
         finally:
             log.close()
 
@@ -193,12 +206,18 @@ class Session:
         return save_policy(self.folder / f"{stem}.safetensors", self.state.model, meta)
 
 
+def default_folder(config: TrainConfig) -> Path:
+    """Where a run goes when nobody says: `runs/TRACK-DRONES-sSEED`."""
+    kind = "-vanilla" if config.vanilla else ""
+    return Path("runs") / f"{Path(config.track).stem}-{config.drones}{kind}-s{config.seed}"
+
+
 def resume_config(folder: Path) -> TrainConfig:
     """Configuration of an earlier run.
 
     Raises:
         CruiseError: when the folder holds none.
     """
-    if not (folder / CONFIG).exists():
+    if not os.path.exists(folder / CONFIG):
         raise CruiseError(f"{folder}: no run to resume here, {CONFIG} is missing")
     return load_config(folder / CONFIG, TrainConfig)

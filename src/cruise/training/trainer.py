@@ -1,14 +1,15 @@
 """The trainer: a generator of progress. It prints nothing and writes nothing."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+import optax
 from jaxtyping import Array
 
-from cruise.config import TrainConfig, Track, Vehicle
+from cruise.config import Track, TrainConfig, Vehicle
 from cruise.env.race_env import RaceEnv, make_race_env
 from cruise.env.types import Rules, stage_rules
 from cruise.errors import CruiseError
@@ -26,7 +27,7 @@ class Progress(NamedTuple):
     state: TrainState
     phase: Phase
     steps: int  # environment steps of the active drone so far
-    metrics: dict[str, Array]  # of the rollout and of the loss; on the device until somebody reads them
+    metrics: dict[str, Array]  # of the rollout and of the loss, scalars
     score: Score | None  # when this update was followed by an evaluation
     opponents_replaced: bool
     phase_ended: bool
@@ -52,7 +53,7 @@ class Trainer:
         self.evaluate = jax.jit(make_evaluate(self.env, config.opponents))
         self.start = jax.jit(self._start)
 
-    def _make_update(self):  # noqa: ANN202
+    def _make_update(self) -> Callable[[TrainState, Rules, Array], tuple[TrainState, dict[str, Array]]]:
         ppo = self.config.ppo
         collect = make_collect(self.env, ppo.races, ppo.rollout_steps, self.config.episode_steps)
         learn = make_learn(ppo, self.optimiser, self.total_updates)
@@ -60,12 +61,13 @@ class Trainer:
         def update(state: TrainState, rules: Rules, alone: Array) -> tuple[TrainState, dict[str, Array]]:
             state, experience = collect(state, rules, alone)
             state, metrics = learn(state, experience)
+            metrics["policy/norm"] = optax.global_norm(state.model)
             return state, experience.metrics | metrics
 
         return update
 
     def _start(self, key: Array) -> TrainState:
-        """A fresh state: opponents equal to the active policy, episodes at random ages so that they never end together."""
+        """A fresh state: opponents equal to the active policy, episodes of random ages, which never end together."""
         model_key, race_key, age_key, key = jax.random.split(key, 4)
         ppo, env = self.config.ppo, self.env
         races = env.reset(race_key, (ppo.races,))
@@ -97,7 +99,8 @@ class Trainer:
         """Train from `state` to the end, yielding after every update.
 
         Raises:
-            TrainingDiverged: when a loss stops being finite; the state before is the last one yielded.
+            TrainingDiverged: when anything measured, the norm of the parameters included, is not finite any more.
+                Whatever was yielded before is sound.
         """
         done = int(state.updates)
         while done < self.total_updates:
@@ -106,10 +109,10 @@ class Trainer:
             state, metrics = self.update(state, rules, alone)
             done += 1
             steps = done * self.steps_per_update
+            _check_finite(metrics, steps)
             phase_ended = done == phase.last_update
             score, replaced = None, False
             if phase_ended or self._evaluation_due(done):
-                self._check_finite(metrics, steps)
                 score, state, replaced = self._evaluate_and_replace(state, phase, rules, alone)
             yield Progress(state, phase, steps, metrics, score, replaced, phase_ended)
 
@@ -129,7 +132,10 @@ class Trainer:
             return score, replace_opponents(state), True
         return score, play_on(state), False
 
-    def _check_finite(self, metrics: dict[str, Array], steps: int) -> None:
-        bad = [name for name, value in metrics.items() if name.startswith("loss/") and not np.isfinite(value)]
-        if bad:
-            raise TrainingDiverged(f"{bad[0]} is not finite after {steps:,} steps: lower the learning rate")
+
+def _check_finite(metrics: dict[str, Array], steps: int) -> None:
+    bad = [name for name, value in jax.device_get(metrics).items() if not np.isfinite(value)]
+    if bad:
+        raise TrainingDiverged(
+            f"training diverged: {bad[0]} is not finite after {steps:,} steps; try a lower learning rate"
+        )

@@ -1,13 +1,18 @@
 """What a training configuration must satisfy, told in one line each."""
 
+import dataclasses
+import math
 from collections.abc import Iterator
 
 from cruise.config import PPOConfig, SelfPlayConfig, TrainConfig
 from cruise.errors import CruiseError
 from cruise.presets import VEHICLES
+from cruise.storage.policy_file import MAX_WIDTH
 from cruise.training.curriculum import plan_phases
 
 MAX_DRONES = 16
+MAX_SEED = 2**32 - 1
+MAY_BE_INFINITE = ("overtake_range", "checkpoint_seconds")
 
 
 def check_config(config: TrainConfig) -> None:
@@ -21,8 +26,10 @@ def _faults(config: TrainConfig) -> Iterator[str]:
         yield f"unknown vehicle {config.vehicle!r}: there are {', '.join(VEHICLES)}"
     if not 1 <= config.drones <= MAX_DRONES:
         yield f"drones must be between 1 and {MAX_DRONES}, not {config.drones}"
-    if config.seed < 0:
-        yield f"seed must be 0 or more, not {config.seed}"
+    if not 0 <= config.seed <= MAX_SEED:
+        yield f"seed must be between 0 and {MAX_SEED}, not {config.seed}"
+    for part in (config, config.reward, config.ppo, config.opponents):
+        yield from _not_finite(part)
     yield from _below(1, config, "episode_steps")
     yield from _not_positive(config, "step_scale", "collision_distance", "checkpoint_seconds")
     yield from _ppo_faults(config.ppo)
@@ -40,17 +47,28 @@ def _ppo_faults(ppo: PPOConfig) -> Iterator[str]:
     if ppo.races < ppo.rollout_steps:
         yield f"races ({ppo.races}) must be at least rollout_steps ({ppo.rollout_steps})"
     yield from _not_positive(ppo, "learning_rate", "clip_ratio", "max_grad_norm")
+    yield from _below(0, ppo, "final_learning_rate", "value_weight", "entropy_weight")
     for name in ("gamma", "gae_lambda"):
         if not 0 <= getattr(ppo, name) <= 1:
             yield f"{name} must be between 0 and 1, not {getattr(ppo, name)}"
-    if not ppo.hidden or min(ppo.hidden) < 1:
-        yield f"hidden must name the width of at least one layer, not {ppo.hidden}"
+    if not ppo.hidden or not 1 <= min(ppo.hidden) <= max(ppo.hidden) <= MAX_WIDTH:
+        yield f"hidden must name the width of at least one layer, each from 1 to {MAX_WIDTH}, not {ppo.hidden}"
 
 
 def _opponent_faults(opponents: SelfPlayConfig) -> Iterator[str]:
     yield from _below(1, opponents, "evaluate_every", "evaluation_races", "evaluation_steps")
+    yield from _below(0, opponents, "patience")
     if not 0 <= opponents.win_threshold <= 1:
         yield f"win_threshold must be between 0 and 1, not {opponents.win_threshold}"
+
+
+def _not_finite(config: object) -> Iterator[str]:
+    for field in dataclasses.fields(config):  # type: ignore[arg-type]
+        value = getattr(config, field.name)
+        if not isinstance(value, float) or math.isfinite(value):
+            continue
+        if math.isnan(value) or field.name not in MAY_BE_INFINITE:
+            yield f"{field.name} must be a finite number, not {value}"
 
 
 def _below(least: int, config: object, *names: str) -> Iterator[str]:

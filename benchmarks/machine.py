@@ -1,0 +1,117 @@
+"""The machine a benchmark ran on, what it can do, and how its time is taken."""
+
+import os
+import platform
+import resource
+import statistics
+import sys
+import time
+from collections.abc import Mapping
+from importlib.metadata import version
+from pathlib import Path
+from typing import Protocol
+
+import jax
+import jax.numpy as jnp
+
+from cruise import __version__
+
+MATMUL_SIZES = (1024, 2048)
+LEAST_ROUNDS = 3  # whatever the time limit
+
+
+class Case(Protocol):
+    """Something to time: a call does `work` units of it and returns when they are done."""
+
+    work: float
+
+    def __call__(self) -> None:
+        """Do it once."""
+
+
+class Matmul:
+    """A square product in float32. Its unit is the floating-point operation."""
+
+    def __init__(self, size: int) -> None:
+        """Compile it for matrices of `size` x `size`."""
+        self.work = 2.0 * size**3
+        self._matrix = jax.random.normal(jax.random.key(size), (size, size), jnp.float32)
+        self._product = jax.jit(jnp.matmul).lower(self._matrix, self._matrix).compile()
+
+    def __call__(self) -> None:
+        """Multiply once."""
+        jax.block_until_ready(self._product(self._matrix, self._matrix))
+
+
+def interleave(cases: Mapping[str, Case], rounds: int, seconds: float) -> dict[str, list[float]]:
+    """Seconds of every call: round after round, in each of them every case once.
+
+    Whatever else the machine does in the meantime falls on all cases alike. The first round is not counted, it warms
+    caches. Ends after `rounds`, or sooner when `seconds` have passed and three rounds are complete.
+    """
+    for case in cases.values():
+        case()
+    taken: dict[str, list[float]] = {name: [] for name in cases}
+    started = time.perf_counter()
+    for done in range(rounds):
+        if done >= LEAST_ROUNDS and time.perf_counter() - started > seconds:
+            break
+        for name, case in cases.items():
+            before = time.perf_counter()
+            case()
+            taken[name].append(time.perf_counter() - before)
+    return taken
+
+
+def rates(cases: Mapping[str, Case], taken: Mapping[str, list[float]]) -> dict[str, float]:
+    """Units of work per second of each case, by the median of its rounds."""
+    return {name: case.work / statistics.median(taken[name]) for name, case in cases.items()}
+
+
+def peak_memory_mb() -> float:
+    """The most memory this process has held so far [MB].
+
+    Linux keeps `ru_maxrss` across `exec`, so that a child inherits the peak of the process that started it; `VmHWM` is
+    the process's own.
+    """
+    status = Path("/proc/self/status")
+    lines = status.read_text().splitlines() if status.exists() else []
+    own = [line.split()[1] for line in lines if line.startswith("VmHWM")]
+    if own:
+        return int(own[0]) * 1024 / 1e6
+    unit = 1 if sys.platform == "darwin" else 1024
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 1e6
+
+
+def available_memory_mb() -> float:
+    """Memory that can still be had [MB]; where nobody says, half of what is built in."""
+    meminfo = Path("/proc/meminfo")
+    lines = meminfo.read_text().splitlines() if meminfo.exists() else []
+    free = [line.split()[1] for line in lines if line.startswith("MemAvailable")]
+    if free:
+        return int(free[0]) * 1024 / 1e6
+    return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2e6
+
+
+def cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def describe_machine() -> dict[str, object]:
+    """Processor, system, device of JAX, and how busy it all was before the benchmark."""
+    cpuinfo = Path("/proc/cpuinfo")
+    lines = cpuinfo.read_text().splitlines() if cpuinfo.exists() else []
+    models = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return {
+        "processor": models[0] if models else platform.processor() or platform.machine(),
+        "system": f"{platform.system()} {platform.machine()}",
+        "device": jax.devices()[0].device_kind,
+        "load_average": [round(load, 2) for load in os.getloadavg()],
+    }
+
+
+def versions() -> dict[str, str]:
+    """What was measured, and with what."""
+    packages = {name: version(name) for name in ("jax", "jaxlib", "numpy")}
+    return {"cruise": __version__, "python": platform.python_version()} | packages

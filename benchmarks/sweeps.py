@@ -1,0 +1,129 @@
+"""The whole table: how the figures change with races, drones, observation and networks."""
+
+import tempfile
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from benchmarks.environment import EnvironmentCase, that_fit
+from benchmarks.headline import DRONES, RACES, TRACK, Effort, Say, pilot_of, roofline
+from benchmarks.machine import Case, Matmul, interleave, rates
+from benchmarks.startup import race_command, run_command, train_command
+from benchmarks.training import TrainingCase
+from cruise.config import PPOConfig, TrainConfig
+from cruise.evaluation.matches import evaluate_match, make_match
+from cruise.presets import TRACKS
+
+Row = dict[str, Any]
+
+RACES_SWEPT = (64, 256, 1024, 4096, 16_384, 65_536, 262_144)
+DRONES_SWEPT = (1, 2, 4, 8, 16)
+DRONES_TRAINED = (1, 2, 3, 4)
+NETWORKS = ((32, 32), (64, 64), (128, 128), (256, 256))
+EVALUATED = 100  # races per evaluation
+MATMUL = 2048
+
+
+class EvaluationCase:
+    """`cruise evaluate` without its start: races of three laps, flown and measured. Its unit is the race."""
+
+    def __init__(self, drones: int, races: int = EVALUATED) -> None:
+        """Put the match together and fly it once, which compiles."""
+        self.work = float(races)
+        self.races = races
+        self.match = make_match(TRACKS[TRACK], drones, pilot_of(drones))
+        self()
+
+    def __call__(self) -> None:
+        """Evaluate once."""
+        evaluate_match(self.match, self.races, seed=0)
+
+
+def environment_races(effort: Effort, say: Say) -> list[Row]:
+    """Drone-steps per second over the number of races, as many as memory lets."""
+    rows = [{"races": races} for races in that_fit(RACES_SWEPT)]
+    cases = _built(rows, lambda row: EnvironmentCase(row["races"]), "environment", say)
+    return _timed(rows, cases, "drone_steps_per_s", effort)
+
+
+def environment_drones(effort: Effort, say: Say) -> list[Row]:
+    """Drone-steps per second over the number of drones in a race; about as many drones in the air each time."""
+    rows = [{"drones": drones, "races": RACES * DRONES // drones} for drones in DRONES_SWEPT]
+    cases = _built(rows, lambda row: EnvironmentCase(row["races"], row["drones"]), "environment", say)
+    return _timed(rows, cases, "drone_steps_per_s", effort)
+
+
+def environment_observations(effort: Effort, say: Say) -> list[Row]:
+    """Drone-steps per second with either observation and with none."""
+    rows = [{"observation": kind} for kind in ("extended", "paper", None)]
+    cases = _built(rows, lambda row: EnvironmentCase(RACES, DRONES, row["observation"]), "environment", say)
+    return _timed(rows, cases, "drone_steps_per_s", effort)
+
+
+def training_drones(effort: Effort, say: Say) -> list[Row]:
+    """Training over the number of drones."""
+    return _trained([{"drones": drones, "hidden": PPOConfig().hidden} for drones in DRONES_TRAINED], effort, say)
+
+
+def training_networks(effort: Effort, say: Say) -> list[Row]:
+    """Training over the size of the networks."""
+    return _trained([{"drones": DRONES, "hidden": hidden} for hidden in NETWORKS], effort, say)
+
+
+def evaluations(effort: Effort, say: Say) -> list[Row]:
+    """Races flown and measured per second, with the shipped policies where there are any."""
+    rows = [{"drones": drones, "pilot": pilot_of(drones)} for drones in DRONES_TRAINED]
+    cases = _built(rows, lambda row: EvaluationCase(row["drones"]), "evaluation", say)
+    return _timed(rows, cases, "races_per_s", effort)
+
+
+def commands(cache: Path, say: Say) -> list[Row]:
+    """Whole commands in processes of their own: how long they take, warm, and the memory they need."""
+    rows = []
+    for name in ("race", "train"):
+        say(f"cruise {name}, twice")
+        for again in (False, True):
+            with tempfile.TemporaryDirectory() as folder:
+                where = Path(folder)
+                arguments = race_command(where, pilot_of(DRONES)) if name == "race" else train_command(where)
+                took = run_command(cache, *arguments)
+            said = " ".join(word for word in arguments if not word.startswith(folder))
+            rows.append({"command": f"cruise {said}", "cache_filled": again, **took._asdict()})
+    return rows
+
+
+def sweep(effort: Effort, cache: Path, say: Say) -> dict[str, list[Row]]:
+    """Every table, by name."""
+    tables = (environment_races, environment_drones, environment_observations, training_drones, training_networks)
+    swept = {table.__name__: table(effort, say) for table in (*tables, evaluations)}
+    return {**swept, "commands": commands(cache, say)}
+
+
+def _built(rows: list[Row], build: Callable[[Row], Case], what: str, say: Say) -> list[Case]:
+    cases = []
+    for row in rows:
+        say(f"compiling {what}: {', '.join(f'{name} {value}' for name, value in row.items())}")
+        cases.append(build(row))
+    say(f"timing {what}")
+    return cases
+
+
+def _timed(rows: list[Row], cases: list[Case], unit: str, effort: Effort) -> list[Row]:
+    """The rows with the rate of each case, all cases in turn."""
+    named: Mapping[str, Case] = {str(place): case for place, case in enumerate(cases)}
+    taken = interleave(named, effort.rounds, effort.seconds)
+    per_second = rates(named, taken)
+    return [row | {unit: per_second[name], "rounds": len(taken[name])} for name, row in zip(named, rows, strict=True)]
+
+
+def _trained(rows: list[Row], effort: Effort, say: Say) -> list[Row]:
+    def build(row: Row) -> TrainingCase:
+        return TrainingCase(TrainConfig(drones=row["drones"], ppo=PPOConfig(hidden=row["hidden"])))
+
+    cases = _built(rows, build, "training", say)
+    *timed, product = _timed([*rows, {}], [*cases, Matmul(MATMUL)], "steps_per_s", effort)
+    shares = [
+        roofline(case, row["steps_per_s"], product["steps_per_s"]) for case, row in zip(cases, timed, strict=True)
+    ]
+    kept = ("train_roofline_share", "flop_per_train_step")
+    return [row | {name: share[name] for name in kept} for row, share in zip(timed, shares, strict=True)]

@@ -1,0 +1,82 @@
+"""What the panels of a race's picture share: the race seen as progress, and how drones are drawn."""
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from cruise.evaluation.metrics import RaceResult, crossing_times, race_result
+from cruise.storage.race_log import COLLISIONS, EVENT_KINDS, RaceLog
+
+Style = dict[str, Any]
+
+# Okabe and Ito's colours, distinct to colour-blind eyes, without yellow, which white swallows.
+COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#000000")
+DASHES = ("-", "--", ":")  # tell drones of the same colour apart
+INK, FAINT = "#222222", "#9a9a9a"
+START_WIDTH = 0.6  # of the way to the first gate, which is shorter than the others, in gates
+
+
+class Scene(NamedTuple):
+    """What every panel needs."""
+
+    log: RaceLog
+    result: RaceResult
+    crossings: np.ndarray  # [N, C] s
+    progress: np.ndarray  # [T, N] gates flown, fractions between by time
+
+
+def make_scene(log: RaceLog) -> Scene:
+    """What the panels need of a race."""
+    crossings = crossing_times(log)
+    return Scene(log, race_result(log), crossings, progress(log, crossings))
+
+
+def progress(log: RaceLog, crossings: np.ndarray) -> np.ndarray:
+    """[T, N] gates flown: 1 at the first crossing, linear in time between two, `START_WIDTH` before the first.
+
+    Where a drone never came to its next gate, it moves at the pace of those that did.
+    """
+    starts = np.hstack([np.zeros((log.num_drones, 1)), crossings])
+    paces = np.diff(starts, axis=1)
+    usual = np.nanmedian(paces) if np.isfinite(paces).any() else max(float(log.time[-1]), log.control_dt)
+    rows = []
+    for mine in starts:
+        known = mine[np.isfinite(mine)]
+        number = np.arange(len(known), dtype=np.float64)
+        number[0] = 1 - START_WIDTH
+        beyond = np.append(known, known[-1] + 1.3 * usual), np.append(number, number[-1] + 1.0)
+        rows.append(np.interp(log.time, *beyond))
+    return np.stack(rows, axis=1)
+
+
+def style(drone: int) -> Style:
+    """Colour and dashes of a drone's lines."""
+    return {"color": COLOURS[drone % len(COLOURS)], "linestyle": DASHES[drone // len(COLOURS) % len(DASHES)]}
+
+
+def colour(drone: int) -> str:
+    """Colour of a drone's marks."""
+    return COLOURS[drone % len(COLOURS)]
+
+
+def flown(scene: Scene, drone: int) -> slice:
+    """Samples up to the one at which a drone finished or was out."""
+    return slice(0, int(scene.log.airborne[:, drone].sum()) + 1)
+
+
+def crashes(log: RaceLog) -> Iterator[tuple[int, int]]:
+    """Drones that collided, each with its last sample."""
+    kinds = np.isin(log.event_kind, [EVENT_KINDS.index(name) for name in COLLISIONS])
+    for drone in np.unique(log.event_drone[kinds]).tolist():
+        yield drone, min(int(log.airborne[:, drone].sum()), len(log.time) - 1)
+
+
+def tidy(axes: Axes, title: str, label: str) -> None:
+    """Title, label and a quiet grid."""
+    axes.set_title(title, loc="left", fontsize=11, color=INK)
+    axes.set_ylabel(label)
+    axes.grid(color="#e6e6e6", linewidth=0.8)
+    axes.set_axisbelow(True)
+    axes.spines[["top", "right"]].set_visible(False)
