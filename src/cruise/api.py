@@ -138,7 +138,7 @@ def train(
 
 
 def finish_run(session: Session, episodes: int) -> Path:
-    """Measure the policy of a run that has ended, write it with its results, draw the curves; gives the policy's path."""
+    """Measure the policy of a run that has ended, write it with its results, draw the curves; give its path."""
     path = session.finish(lambda policy: matches.evaluate_policy(policy, session.track, episodes))
     title = f"{session.track.name}, {session.config.drones} drones, seed {session.config.seed}"
     draw_training(read_metrics(session.folder), title, session.folder / CURVES)

@@ -89,7 +89,7 @@ class RewardWeights:
     w_prox: float = 0.0
     proximity_decay: float = 2.0  # a
     proximity_range: float = 10.0  # x = distance / range [m]
-    w_prog: float = 0.35
+    w_prog: float = 0.45
     progress_scale: float = 2.5  # beta [1/m]
     progress_to: Literal["opening", "centre"] = "opening"  # where the distance of prox and prog ends
     w_align: float = 0.02
@@ -98,7 +98,7 @@ class RewardWeights:
     overtake_range: float = 3.0  # overtaking counts against opponents nearer than this [m]
     gate_bonus: float = 10.0  # reward of the step that passes a gate, in place of the terms of flight
     w_edge: float = 10.0  # per metre that a crossing lies outside the opening shrunk by `edge_margin`
-    edge_margin: float = 0.25  # [m]
+    edge_margin: float = 0.2  # [m]
     w_near: float = 0.5  # per metre that the nearest opponent is closer than `near_distance`
     near_distance: float = 1.2  # [m]
     clip: float = 1.0  # each step's sum is clipped to [-clip, clip], a gate's bonus to what it is
@@ -116,7 +116,7 @@ class PPOConfig:
     learning_rate: float = 1e-3
     final_learning_rate: float = 1e-4  # reached linearly at the end of the run
     gamma: float = 0.99
-    gae_lambda: float = 0.95
+    gae_lambda: float = 0.98
     clip_ratio: float = 0.2
     value_weight: float = 0.5
     entropy_weight: float = 0.005  # at the start; falls linearly to 0 at the end of the run

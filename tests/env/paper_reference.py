@@ -7,13 +7,13 @@ from cruise.config import Track
 D_MAX = V_MAX = 10.0
 
 
-def r_prox(position: np.ndarray, gate: np.ndarray, a: float = 2.0) -> float:
-    x = np.linalg.norm(gate - position) / D_MAX
+def r_prox(distance: float, a: float = 2.0) -> float:
+    x = distance / D_MAX
     return 2 * (np.exp(-a * x) - np.exp(-a)) / (1 - np.exp(-a)) - 1
 
 
-def r_prog(before: np.ndarray, after: np.ndarray, gate: np.ndarray, beta: float = 2.5) -> float:
-    return beta * (np.linalg.norm(gate - before) - np.linalg.norm(gate - after))
+def r_prog(before: float, after: float, beta: float = 2.5) -> float:
+    return beta * (before - after)
 
 
 def r_align(position: np.ndarray, velocity: np.ndarray, gate: np.ndarray) -> float:

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from cruise.config import RewardWeights, Stage, Track
+from cruise.dynamics import DroneState, RigidBody
 from cruise.env.race_env import RaceEnv, make_race_env
 from cruise.env.types import RaceState, Rules, StepOutcome, race_rules, stage_rules
 from cruise.presets import CURRICULUM, REWARDS, TRACKS, VEHICLES
@@ -16,6 +17,7 @@ from cruise.racing.course import Course
 from tests.helpers import arrays
 
 RING, EIGHT, PAPER = TRACKS["ring"], TRACKS["figure-eight"], VEHICLES["paper"]
+RANDOM_RACES = 100
 
 
 @functools.cache
@@ -41,22 +43,25 @@ def real_rules(agility: float = 7.5, gates_to_finish: int = 0) -> Rules:
 
 def state_of(env: RaceEnv, position: np.ndarray, velocity: np.ndarray | float = 0.0, **fields: np.ndarray) -> RaceState:
     """A race from positions and velocities [3, N, *B]; `fields` are those of `RaceState`, and `euler`."""
-    position = jnp.asarray(position, jnp.float32)
-    shape = position.shape[1:]
-    drones = env.dynamics.init(position, jnp.zeros(shape))
-    velocity = jnp.broadcast_to(jnp.asarray(velocity, jnp.float32), position.shape)
-    euler = jnp.asarray(fields.pop("euler", drones.body.euler), jnp.float32)
-    drones = drones._replace(body=drones.body._replace(velocity_w=velocity, euler=euler))
-    kinds = {"next_gate": jnp.int32, "gates_passed": jnp.int32, "out": bool, "finished": bool}
-    parts = {name: jnp.broadcast_to(jnp.asarray(fields.pop(name, 0), kind), shape) for name, kind in kinds.items()}
+    shape = np.shape(position)
+
+    def full(value: np.ndarray | float, kind: type, size: tuple[int, ...]) -> jax.Array:
+        return jnp.asarray(np.broadcast_to(np.asarray(value, kind), size))
+
+    vectors = (position, velocity, fields.pop("euler", 0.0), 0.0)
+    body = RigidBody(*(full(v, np.float32, shape) for v in vectors))
+    kinds = {"next_gate": np.int32, "gates_passed": np.int32, "out": bool, "finished": bool}
+    parts = {name: full(fields.pop(name, 0), kind, shape[1:]) for name, kind in kinds.items()}
     assert not fields, f"not part of a race: {sorted(fields)}"
-    return RaceState(drones, **parts, step=jnp.zeros(shape[1:], jnp.int32))
+    drones = DroneState(body, memory=full(0.0, np.float32, shape))
+    assert env.num_drones == shape[1]
+    return RaceState(drones, **parts, step=full(0, np.int32, shape[2:]))
 
 
-def random_race(env: RaceEnv, races: int, spread: float = 12.0, speed: float = 8.0, out: float = 0.2) -> RaceState:
-    """Drones anywhere, in any motion and attitude, some of them out: [3, N, races]."""
+def random_race(env: RaceEnv, spread: float = 12.0, speed: float = 8.0, out: float = 0.2) -> RaceState:
+    """Drones anywhere, in any motion and attitude, some of them out: [3, N, RANDOM_RACES]."""
     rng = np.random.default_rng(0)
-    shape = (3, env.num_drones, races)
+    shape = (3, env.num_drones, RANDOM_RACES)
     position = rng.uniform(-spread, spread, shape)
     position[2] = rng.uniform(0.5, 8, shape[1:])
     euler = rng.uniform(-1, 1, shape) * np.array([1.0, 1.0, np.pi])[:, None, None]

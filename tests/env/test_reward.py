@@ -2,6 +2,7 @@
 
 import functools
 from collections.abc import Callable
+from dataclasses import replace
 
 import jax
 import jax.numpy as jnp
@@ -9,7 +10,8 @@ import numpy as np
 import pytest
 
 from cruise.config import RewardWeights
-from cruise.env.reward import Motion, reward_components, total_reward
+from cruise.dynamics import DroneState, RigidBody
+from cruise.env.reward import Motion, Target, reward_components, total_reward
 from cruise.presets import CURRICULUM, REWARDS
 from cruise.racing.gates import Crossing
 from tests.env import paper_reference as paper
@@ -18,12 +20,14 @@ from tests.env.races import RING, rules_of
 DRONES, RACES = 4, 60
 STAGE = CURRICULUM[-1]
 GATES = np.array([g.position_w for g in RING.gates])
+YAWS = np.array([g.yaw for g in RING.gates])
 
 
 def random_step(seed: int = 0) -> dict[str, np.ndarray]:
     """A step that never flew: before and after are unrelated, so that every sign occurs. [3, N, E] and [N, E]."""
     rng = np.random.default_rng(seed)
     shape = (3, DRONES, RACES)
+    gate = rng.integers(5, size=shape[1:])
     p0 = rng.uniform(-2, 2, shape) + np.array([8.0, 0, 4.0])[:, None, None]
     v0, v1 = (rng.normal(size=shape) * rng.choice([0.0, 1.0, 6.0], shape[1:]) for _ in range(2))
     return {
@@ -31,7 +35,8 @@ def random_step(seed: int = 0) -> dict[str, np.ndarray]:
         "p1": p0 + rng.normal(size=shape) * rng.choice([0.05, 0.5, 2.0], shape[1:]),
         "v0": v0,
         "v1": v1,
-        "gate": GATES[rng.integers(5, size=shape[1:])].transpose(2, 0, 1),
+        "gate": GATES[gate].transpose(2, 0, 1),
+        "normal": np.stack([np.cos(YAWS[gate]), np.sin(YAWS[gate])]),
         "flying": rng.random(shape[1:]) < 0.8,
         "collided": rng.random(shape[1:]) < 0.3,
         "nearest": np.where(rng.random(shape[1:]) < 0.2, np.inf, rng.uniform(0.1, 3, shape[1:])),
@@ -42,7 +47,8 @@ def components_of(weights: RewardWeights, step: dict[str, np.ndarray], rules: ob
     """Weighted components by the package."""
 
     def compute(s: dict[str, jax.Array], rules: object) -> dict[str, jax.Array]:
-        motion = Motion(s["p0"], s["p1"], s["v0"], s["v1"], s["gate"])
+        before, after = (DroneState(RigidBody(s[p], s[v], s[p], s[p]), s[p]) for p, v in (("p0", "v0"), ("p1", "v1")))
+        motion = Motion(before, after, Target(s["gate"], s["normal"], jnp.ones_like(s["normal"])), weights)
         return reward_components(weights, rules, motion, s["nearest"], s["collided"], s["flying"])
 
     arrays = {k: jnp.asarray(v, bool if v.dtype == bool else jnp.float32) for k, v in step.items()}
@@ -55,18 +61,30 @@ def each_drone(step: dict[str, np.ndarray], formula: object) -> np.ndarray:
     return np.array([[formula(race, i) for race in races] for i in range(DRONES)])
 
 
+def to_go(w: RewardWeights, s: dict[str, np.ndarray], i: int, point: str) -> float:
+    """Distance of drone i to its gate: to the centre, or to the nearest point of the opening less its margin."""
+    offset = s[point][:, i] - s["gate"][:, i]
+    if w.progress_to == "opening":
+        forward = np.append(s["normal"][:, i], 0.0)
+        left, half = np.cross([0, 0, 1], forward), 1.0 - w.edge_margin
+        nearest = np.clip(offset @ left, -half, half) * left + np.array([0, 0, np.clip(offset[2], -half, half)])
+        offset = offset - nearest
+    return float(np.linalg.norm(offset))
+
+
 FORMULAS = {
-    "prox": lambda w, s, i: w.w_prox * paper.r_prox(s["p1"][:, i], s["gate"][:, i], w.proximity_decay),
-    "prog": lambda w, s, i: w.w_prog * paper.r_prog(s["p0"][:, i], s["p1"][:, i], s["gate"][:, i], w.progress_scale),
+    "prox": lambda w, s, i: w.w_prox * paper.r_prox(to_go(w, s, i, "p1"), w.proximity_decay),
+    "prog": lambda w, s, i: w.w_prog * paper.r_prog(to_go(w, s, i, "p0"), to_go(w, s, i, "p1"), w.progress_scale),
     "align": lambda w, s, i: -w.w_align * paper.r_align(s["p1"][:, i], s["v1"][:, i], s["gate"][:, i]),
     "speed": lambda w, s, i: w.w_speed * paper.r_speed(s["v1"][:, i], STAGE.v_min),
 }
+WEIGHTS = {**REWARDS, "opening": replace(REWARDS["paper"], progress_to="opening")}
 
 
-@pytest.mark.parametrize("preset", REWARDS)
+@pytest.mark.parametrize("preset", WEIGHTS)
 @pytest.mark.parametrize("name", FORMULAS)
 def test_flight_terms_are_the_papers(name: str, preset: str) -> None:
-    weights, step = REWARDS[preset], random_step(1)
+    weights, step = WEIGHTS[preset], random_step(1)
     expected = each_drone(step, lambda s, i: FORMULAS[name](weights, s, i))
     np.testing.assert_allclose(components_of(weights, step)[name], expected, atol=2e-5)
     if preset == "paper":
@@ -94,7 +112,7 @@ def test_overtaking_and_being_overtaken_are_opposites() -> None:
     p0 = np.array([[[0.0], [0.5]], [[0.0], [0.8]], [[3.0], [3.0]]])
     p1 = p0 + np.array([[[1.0], [0.2]], [[0.0], [0.0]], [[0.0], [0.0]]])
     v = np.array([[[10.0], [2.0]], [[0.0], [0.0]], [[0.0], [0.0]]])
-    step = {"p0": p0, "p1": p1, "v0": v, "v1": v, "gate": p0 + np.array([9.0, 0, 0])[:, None, None]}
+    step = {"p0": p0, "p1": p1, "v0": v, "v1": v, "gate": p0 + 9.0, "normal": np.zeros((2, 2, 1))}
     step |= {"flying": np.ones((2, 1), bool), "collided": np.zeros((2, 1), bool), "nearest": np.full((2, 1), 5.0)}
     for sign, winner in (("fixed", 0), ("paper", 1)):
         over = components_of(RewardWeights(overtake_sign=sign), step)["over"][:, 0]
@@ -153,7 +171,8 @@ def test_the_total_is_the_clipped_sum_or_the_end(preset: str) -> None:
     flying = ~passed & ~ended
     np.testing.assert_allclose(reward[flying], plain[flying], atol=1e-5)
     np.testing.assert_array_equal(reward[ended], np.float32(weights.terminal))
-    assert np.abs(reward[~ended]).max() <= weights.clip
+    assert reward[~ended].min() >= -weights.clip
+    assert reward.max() <= max(weights.clip, weights.gate_bonus)
     assert (np.abs(plain) == weights.clip).any()
 
 
@@ -175,5 +194,5 @@ def test_a_pass_near_the_edge_earns_less_never_more() -> None:
     yes, no = np.ones((DRONES, RACES), bool), np.zeros((DRONES, RACES), bool)
     offsets = np.linspace(-1, 0.5, DRONES * RACES)
     rewards = total(weights, quiet, yes, offsets.reshape(DRONES, RACES), no).ravel()
-    assert rewards[0] == pytest.approx(min(weights.gate_bonus, weights.clip))
+    assert rewards[0] == pytest.approx(weights.gate_bonus)
     assert (np.diff(rewards) <= 1e-6).all()

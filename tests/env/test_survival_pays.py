@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 from cruise.config import PPOConfig, RewardWeights, Stage, Track
-from cruise.env.reward import Motion, reward_components, total_reward
+from cruise.dynamics import DroneState, RigidBody
+from cruise.env.reward import Motion, Target, reward_components, total_reward
 from cruise.presets import CURRICULUM, REWARDS
 from cruise.racing.gates import Crossing
 from tests.env.races import EIGHT, PAPER, RING, Recorded, fly_to_gates, race_env, record, rules_of
@@ -36,26 +37,29 @@ def gate_spacing(track: Track) -> float:
 
 
 def steady_flight(weights: RewardWeights, stage: Stage, speed: float, spacing: float, offset: float) -> np.ndarray:
-    """Rewards, step by step, of one drone flying straight at gate after gate, HORIZON steps.
+    """Rewards, step by step, of one drone flying straight through gate after gate, HORIZON steps.
 
     `offset` is how far beyond the edge of the opening it passes each gate, negative inside [m].
     """
     flown = speed * DT * np.arange(HORIZON + 1)
-    start, end = flown[:-1], flown[1:]
-    gate = (np.floor(start / spacing) + 1) * spacing
-    along_x = (start, end, np.full(HORIZON, speed), gate)
-    vectors = [np.stack([x, 0 * x, 0 * x])[:, None].astype(np.float32) for x in along_x]
-    reward = _reward(weights)(*vectors, passed=(end >= gate)[None], offset=np.float32(offset), rules=rules_of(stage))
+    gate = (np.floor(flown[:-1] / spacing) + 1) * spacing
+    passed = (flown[1:] >= gate)[None]
+    path = np.stack([flown, np.full_like(flown, 1.0 + offset), 0 * flown])[:, None].astype(np.float32)
+    centre = np.stack([gate, 0 * gate, 0 * gate])[:, None].astype(np.float32)
+    velocity = np.zeros_like(centre) + np.float32([speed, 0, 0])[:, None, None]
+    reward = _reward(weights)(path, velocity, centre, passed, np.float32(offset), rules_of(stage))
     return np.asarray(reward, np.float64)[0]
 
 
 @functools.cache
 def _reward(weights: RewardWeights) -> Callable[..., jax.Array]:
-    """The reward of a lonely drone at constant velocity, compiled: vectors [3, 1, HORIZON]."""
+    """The reward of a lonely drone on its path [3, 1, HORIZON + 1] through 2 m wide gates, compiled."""
 
-    def compute(start, end, velocity, gate, passed, offset, rules):
+    def compute(path, velocity, centre, passed, offset, rules):
+        before, after = (DroneState(RigidBody(p, velocity, p, p), p) for p in (path[..., :-1], path[..., 1:]))
+        ahead = jnp.zeros_like(centre[:2]).at[0].set(1.0)
+        motion = Motion(before, after, Target(centre, ahead, jnp.ones_like(ahead)), weights)
         none, zero = jnp.zeros_like(passed), jnp.zeros(passed.shape)
-        motion = Motion(start, end, velocity, velocity, gate)
         components = reward_components(weights, rules, motion, zero + jnp.inf, none, ~none)
         return total_reward(weights, components, Crossing(passed, none, none, zero, zero + offset), none)
 

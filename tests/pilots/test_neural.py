@@ -1,7 +1,5 @@
 """A policy as a pilot: the network's action in the world's frame, and races it does not fit."""
 
-import dataclasses
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -10,7 +8,6 @@ import pytest
 from cruise.env.race_env import make_race_env
 from cruise.errors import CruiseError
 from cruise.pilots.base import crews, rows
-from cruise.pilots.network import ActorCritic
 from cruise.pilots.neural import NeuralPilot
 from cruise.pilots.scripted import SCRIPTED
 from cruise.presets import TRACKS, VEHICLES
@@ -87,8 +84,7 @@ def test_races_it_does_not_fit():
     eight = make_env(track="figure-eight")
     with pytest.raises(CruiseError, match=r"reads 22 numbers, but the 'paper' observation has 23 in this race"):
         on_ring.init(eight, (0, 1), standing(eight))
-    size = pilot.params.actor.layers[0].in_features
-    wide = dataclasses.replace(pilot, params=ActorCritic(size, 4, (8,), 0.0, KEY))
+    wide = NeuralPilot(random_params(actions=4), "extended", 2, 7.5, "test")
     with pytest.raises(CruiseError, match="gives 4 numbers, but this vehicle's action has 3"):
         wide.init(make_env(), (0, 1), standing(make_env()))
 

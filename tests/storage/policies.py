@@ -1,8 +1,12 @@
 """Policies with random parameters, for tests that need one on disk or in a race."""
 
+import functools
 from pathlib import Path
 
+import equinox as eqx
 import jax
+import jax.numpy as jnp
+import numpy as np
 
 from cruise.config import TrainConfig
 from cruise.env.race_env import make_race_env
@@ -11,13 +15,18 @@ from cruise.presets import TRACKS, VEHICLES
 from cruise.storage.policy_file import PolicyMeta, save_policy
 
 
+@functools.cache
 def observation_size(track="ring", drones=2, observation="extended"):
     env = make_race_env(TRACKS[track], drones, VEHICLES["paper"], observation)
     return jax.eval_shape(env.observe, jax.eval_shape(env.reset, jax.random.key(0))).shape[0]
 
 
-def random_params(track="ring", drones=2, observation="extended", hidden=(8, 8), seed=0):
-    return ActorCritic(observation_size(track, drones, observation), 3, hidden, -0.5, jax.random.key(seed))
+def random_params(track="ring", drones=2, observation="extended", seed=0, actions=3):
+    """Networks of two layers of 8, drawn by NumPy, because JAX would compile for each shape."""
+    size = observation_size(track, drones, observation)
+    shapes = eqx.filter_eval_shape(ActorCritic, size, actions, (8, 8), 0.0, jax.random.key(0))
+    rng = np.random.default_rng(seed)
+    return jax.tree.map(lambda leaf: jnp.array(rng.normal(size=leaf.shape, scale=0.4), jnp.float32), shapes)
 
 
 def meta(track="ring", drones=2, observation="extended", **changes):

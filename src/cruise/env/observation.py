@@ -128,8 +128,12 @@ def _nearest_first(normal: Array, state: RaceState) -> list[Float[Array, "9 N *B
         features.append(jnp.where(here, seen, 0.0))
         separations.append(jnp.where(here, separation, ABSENT))
     places = ranks(separations)
-    slots = range(len(features))
-    return [sum(jnp.where(place == slot, f, 0.0) for f, place in zip(features, places, strict=True)) for slot in slots]
+
+    def at(slot: int) -> Array:
+        chosen = [jnp.where(place == slot, f, 0.0) for f, place in zip(features, places, strict=True)]
+        return functools.reduce(operator.add, chosen)
+
+    return [at(slot) for slot in range(len(features))]
 
 
 def ranks(values: list[Float[Array, "*B"]]) -> list[Int[Array, "*B"]]:

@@ -21,6 +21,9 @@ from cruise.vector import once
 
 FLIP_ANGLE = jnp.pi / 2
 
+Observe = Callable[[RaceState], Array]
+Decode = Callable[[Array, Array], Array]
+
 
 class RaceEnv(NamedTuple):
     """Static choices of a race and the functions built from them."""
@@ -118,8 +121,10 @@ def make_race_env(
         )
         return next_state, outcome
 
-    observe_as = {kind: functools.partial(function, course, dynamics) for kind, function in OBSERVATIONS.items()}
-    decode_as = {kind: functools.partial(function, course) for kind, function in ACTIONS.items()}
+    observe_as: dict[str, Observe] = {
+        kind: functools.partial(function, course, dynamics) for kind, function in OBSERVATIONS.items()
+    }
+    decode_as: dict[str, Decode] = {kind: functools.partial(function, course) for kind, function in ACTIONS.items()}
     return RaceEnv(
         num_drones=num_drones,
         course=course,

@@ -52,6 +52,9 @@ class RaceLog:
     gate_position: np.ndarray  # [G, 3] centres of the openings, m
     gate_yaw: np.ndarray  # [G] heading of the direction of flight, rad
     gate_size: np.ndarray  # [G, 2] width and height of the openings, m
+    bounds: np.ndarray  # [2, 3] lowest and highest corner of the box a drone may fly in, m
+    frame_width: float  # of the solid border around every opening, m
+    leave_distance: float  # farther than this from every gate is off the track, m
     event_time: np.ndarray  # [V] ascending, s
     event_drone: np.ndarray  # [V]
     event_kind: np.ndarray  # [V] index into `event_kind_names`
@@ -113,6 +116,9 @@ _LAYOUT: dict[str, tuple[str, str]] = {
     "gate_position": ("f", "G3"),
     "gate_yaw": ("f", "G"),
     "gate_size": ("f", "G2"),
+    "bounds": ("f", "23"),
+    "frame_width": ("f", ""),
+    "leave_distance": ("f", ""),
     "event_time": ("f", "V"),
     "event_drone": ("i", "V"),
     "event_kind": ("i", "V"),

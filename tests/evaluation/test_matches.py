@@ -1,0 +1,132 @@
+"""Matches: who flies, what is refused, and the same races for the same seed."""
+
+from pathlib import Path
+
+import jax
+import numpy as np
+import pytest
+
+from cruise.errors import CruiseError
+from cruise.evaluation import matches
+from cruise.evaluation.matches import Match, evaluate, evaluate_policy, make_match, run_races
+from cruise.pilots.scripted import SCRIPTED, Chaser
+from cruise.presets import TRACKS
+from cruise.storage import policy_file
+from tests.storage.policies import write_policy
+
+RING = TRACKS["ring"]
+
+
+def equal(a, b):
+    return all(np.array_equal(getattr(a, name), getattr(b, name)) for name in vars(a))
+
+
+def names(match):
+    return [pilot.name for pilot in match.team]
+
+
+def test_pilots_take_turns():
+    assert names(make_match(RING, 5, ["chaser", "hover"])) == ["chaser", "hover", "chaser", "hover", "chaser"]
+    match = make_match(RING, 3, "chaser", laps=7)
+    assert names(match) == ["chaser"] * 3
+    assert match.laps == 7
+    fast = Chaser(name="fast")
+    assert make_match(RING, 2, [fast, "chaser"]).team == (fast, SCRIPTED["chaser"])
+    assert make_match(RING, 2, fast).team == (fast, fast)
+
+
+def test_a_policy_named_twice_is_one_pilot(tmp_path):
+    path = write_policy(tmp_path / "p")
+    match = make_match(RING, 2, [str(path), str(path)])
+    assert match.team[0] is match.team[1]
+
+
+def test_the_shipped_policy_flies_by_default(tmp_path, monkeypatch):
+    monkeypatch.setattr(policy_file, "SHIPPED", tmp_path)
+    write_policy(tmp_path / "ring-2")
+    assert names(make_match(RING, 2)) == ["ring-2", "ring-2"]
+    with pytest.raises(CruiseError, match="no policy is shipped for track 'ring' with 3 drones; shipped: ring-2"):
+        make_match(RING, 3)
+
+
+BAD = {
+    "no drones": (lambda: make_match(RING, 0, "chaser"), "drones must be from 1 to 64, got 0"),
+    "too many drones": (lambda: make_match(RING, 65, "chaser"), "drones must be from 1 to 64, got 65"),
+    "no laps": (lambda: make_match(RING, 2, "chaser", 0), "laps must be from 1 to 100, got 0"),
+    "too many pilots": (lambda: make_match(RING, 2, ["chaser"] * 3), "3 pilots for 2 drones"),
+    "no pilots": (lambda: make_match(RING, 2, []), "0 pilots for 2 drones"),
+    "no such pilot": (lambda: make_match(RING, 2, ["chaser", "ace"]), "policy 'ace' not found"),
+    "two vehicles": (lambda: make_match(RING, 2, ["chaser", Chaser(vehicle="kite")]), "pilots of different vehicles"),
+    "no races": (lambda: next(run_races(make_match(RING, 1, "chaser"), 0, 0)), "number of races must be from 1"),
+    "seed below 0": (lambda: next(run_races(make_match(RING, 1, "chaser"), 1, -1)), "seed must be from 0"),
+    "seed too large": (lambda: next(run_races(make_match(RING, 1, "chaser"), 1, 2**40)), "seed must be from 0"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_refused(case):
+    action, message = BAD[case]
+    with pytest.raises(CruiseError) as error:
+        action()
+    assert message in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_a_policy_for_another_number_of_drones(tmp_path):
+    path = write_policy(tmp_path / "p", name="duel")
+    with pytest.raises(CruiseError, match="policy 'duel' was trained for races of 2 drones, this race has 3"):
+        evaluate(RING, 3, path, episodes=1)
+
+
+def test_time_limit_grows_with_the_way():
+    assert Match(RING, (SCRIPTED["chaser"],), 3).time_limit == 150.0
+    assert Match(RING, (SCRIPTED["chaser"],), 10).time_limit == pytest.approx(10 * 58.95 / 1.25, rel=1e-3)
+
+
+@pytest.fixture(scope="module")
+def policy(tmp_path_factory):
+    return write_policy(tmp_path_factory.mktemp("policy") / "p", name="novice")
+
+
+@pytest.fixture(scope="module")
+def mixed(policy):
+    return make_match(RING, 2, ["chaser", policy], laps=1)
+
+
+@pytest.fixture(scope="module")
+def logs(mixed):
+    return list(run_races(mixed, 5, seed=3))
+
+
+def test_mixed_pilots_race_each_other(logs):
+    assert logs[0].pilots.tolist() == ["chaser", "novice"]
+    chased = [log.event_drone[log.event_kind == 0] for log in logs]
+    assert sum((drones == 0).sum() for drones in chased) > 20
+    assert all(np.abs(log.action).max() <= 1.0 for log in logs)
+
+
+def test_same_seed_same_races_other_seed_others(mixed, logs):
+    assert all(equal(a, b) for a, b in zip(logs, run_races(mixed, 5, seed=3), strict=True))
+    other = list(run_races(mixed, 5, seed=4))
+    assert not any(np.array_equal(a.position_w[0], b.position_w[0]) for a, b in zip(logs, other, strict=True))
+
+
+def test_more_races_than_fit_in_a_batch(mixed, monkeypatch):
+    monkeypatch.setattr(matches, "DRONES_IN_BATCH", 10)
+    logs = list(run_races(mixed, 7, seed=3))
+    assert len(logs) == 7
+    starts = {log.position_w[0].tobytes() for log in logs}
+    assert len(starts) == 7
+
+
+def test_starts_are_not_those_of_training(mixed, logs):
+    """Training with the same seed draws from the seed's key itself."""
+    env = matches.race_env(RING, 2, mixed.vehicle)
+    trained = np.asarray(jax.jit(env.reset, static_argnums=1)(jax.random.key(3), (5,)).drones.position_w)
+    assert not any(np.allclose(log.position_w[0], trained[:, :, e].T) for e, log in enumerate(logs))
+
+
+def test_results_of_a_policy_file(policy):
+    results = evaluate_policy(policy, RING, episodes=5, seed=1)
+    assert (results["policy"], results["drones"], results["episodes"], results["track"]) == ("novice", 2, 5, "ring")
+    assert results == evaluate(RING, 2, Path(policy), 5, 1).to_dict()

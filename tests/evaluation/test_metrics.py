@@ -1,0 +1,152 @@
+"""Events and measures of race logs against an independent recomputation from the documentation."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from cruise.evaluation.matches import make_match, run_races
+from cruise.evaluation.metrics import count_overtakes, crossing_times, lap_length, race_result
+from cruise.evaluation.summary import MEASURED, summarise
+from cruise.presets import TRACKS
+from cruise.storage.race_log import COLLISIONS, EVENT_KINDS, load_race_log
+from tests.evaluation import reference
+from tests.evaluation.pilots import TROUBLE
+
+RACES = 10
+TRACK = TRACKS["figure-eight"]
+
+
+@pytest.fixture(scope="module")
+def paths(tmp_path_factory):
+    """Race logs on disk, full of incidents."""
+    folder = tmp_path_factory.mktemp("logs")
+    match = make_match(TRACK, 6, TROUBLE, laps=2)
+    for number, log in enumerate(run_races(match, RACES, seed=0)):
+        log.save(folder / f"{number}.npz")
+    return sorted(folder.iterdir())
+
+
+@pytest.fixture(scope="module")
+def measured(paths):
+    """The same races, recomputed."""
+    return [reference.measure(reference.read(path)) for path in paths]
+
+
+def test_every_kind_of_event_occurs(paths):
+    kinds = np.concatenate([reference.read(path)["event_kind"] for path in paths])
+    assert set(kinds.tolist()) == set(range(len(EVENT_KINDS)))
+
+
+def test_events_are_those_of_the_positions(paths, measured):
+    for path, again in zip(paths, measured, strict=True):
+        log, expected = reference.read(path), again["events"]
+        np.testing.assert_array_equal(log["airborne"], again["airborne"])
+        names = log["event_kind_names"][log["event_kind"]]
+        mine = list(zip(names, log["event_drone"], log["event_time"], log["event_gate"], log["event_other"], strict=True))
+        order = {"key": lambda event: (event[0], event[1], event[2])}
+        for (kind, drone, time, gate, other), theirs in zip(sorted(mine, **order), sorted(expected, **order), strict=True):
+            assert (kind, drone, gate, other) == (*theirs[:2], *theirs[3:])
+            assert time == pytest.approx(theirs[2], abs=2e-4)
+
+
+def test_measures_are_those_of_the_documentation(paths, measured):
+    for path, expected in zip(paths, measured, strict=True):
+        result = race_result(load_race_log(path))
+        drones = result.drones
+        assert [drone.finished for drone in drones] == expected["finished"]
+        close = {"abs": 1e-4, "nan_ok": True}
+        assert [drone.finish_time for drone in drones] == pytest.approx(expected["finish_time"], **close)
+        assert [drone.first_lap_time for drone in drones] == pytest.approx(expected["first_lap"], **close)
+        for drone, laps in zip(drones, expected["flying_laps"], strict=True):
+            assert drone.flying_lap_times == pytest.approx(laps, abs=1e-4)
+        assert [drone.mean_speed for drone in drones] == pytest.approx(expected["mean_speed"])
+        assert [drone.top_speed for drone in drones] == pytest.approx(expected["top_speed"])
+        assert sum(drone.missed_gates for drone in drones) == expected["missed"]
+        assert {kind: n for kind, n in result.collisions.items() if n} == expected["collisions"]
+        assert result.overtakes == expected["overtakes"]
+        assert result.winner == expected["winner"]
+
+
+def test_evaluation_is_the_mean_over_races(paths, measured):
+    logs = [load_race_log(path) for path in paths]
+    team = logs[0].pilots.tolist()
+    evaluation = summarise(TRACK, team, [race_result(log) for log in logs], seed=0)
+
+    def mean(quantity):
+        """Over the finishers of each race, then over the races that have one."""
+        races = [[quantity(m, d) for d, done in enumerate(m["finished"]) if done] for m in measured]
+        return np.mean([np.mean(values) for values in races if values])
+
+    speeds = [np.mean([m["mean_speed"][d] for d in np.flatnonzero(m["finished"])]) for m in measured if any(m["finished"])]
+    expected = {
+        "success_rate": np.mean([m["finished"] for m in measured]),
+        "all_success_rate": np.mean([all(m["finished"]) for m in measured]),
+        "first_lap_time": mean(lambda m, d: m["first_lap"][d]),
+        "flying_lap_time": mean(lambda m, d: np.mean(m["flying_laps"][d])),
+        "nominal_lap_time": np.mean([measured[0]["lap_length"] / speed for speed in speeds]),
+        "mean_speed": np.mean(speeds),
+        "top_speed": mean(lambda m, d: m["top_speed"][d]),
+        "collisions_per_race": np.mean([sum(m["collisions"].values()) for m in measured]),
+        "missed_gates_per_race": np.mean([m["missed"] for m in measured]),
+        "overtakes_per_race": np.mean([m["overtakes"] for m in measured]),
+    }
+    assert set(expected) == set(MEASURED)
+    for name, value in expected.items():
+        assert getattr(evaluation, name).mean == pytest.approx(value, abs=1e-4), name
+    for kind in COLLISIONS:
+        counts = [m["collisions"].get(kind, 0) for m in measured]
+        assert evaluation.collisions_by_kind[kind].mean == pytest.approx(np.mean(counts))
+    assert evaluation.policy == ",".join(team)
+    by_name = {pilot.name: pilot for pilot in evaluation.pilots}
+    assert by_name["racer"].drones == 2
+    assert by_name["racer"].success_rate.mean == np.mean([[m["finished"][d] for d in (0, 2)] for m in measured])
+    assert by_name["chaser"].win_rate.mean == np.mean([m["winner"] == 1 for m in measured])
+
+
+def test_ranking_and_fates(paths):
+    for path in paths:
+        result = race_result(load_race_log(path))
+        assert sorted(result.ranking) == list(range(6))
+        ranked = [result.drones[drone] for drone in result.ranking]
+        finished = [drone.finished for drone in ranked]
+        assert finished == sorted(finished, reverse=True)
+        for ahead, behind in zip(ranked, ranked[1:]):
+            if behind.finished:
+                assert ahead.finish_time <= behind.finish_time
+            elif not ahead.finished:
+                assert (-ahead.gates_passed, ahead.last_crossing) <= (-behind.gates_passed, behind.last_crossing) or (
+                    ahead.gates_passed == behind.gates_passed == 0
+                )
+        for drone in ranked:
+            assert (drone.fate == "finished") == drone.finished
+            assert (drone.collision == "") == (drone.fate in ("finished", "time limit"))
+
+
+def test_overtakes_of_a_known_race():
+    nan = math.nan
+    times = np.array([[1.0, 2.0, 3.0, 4.0], [1.5, 1.8, 3.5, nan], [2.0, 2.0, 2.5, nan]])
+    # The second passes the first and is passed again; the third passes the second. A dead heat is no order.
+    assert count_overtakes(times) == 3
+
+
+def test_crossing_times_and_lap_length(paths):
+    log = load_race_log(paths[0])
+    times = crossing_times(log)
+    assert times.shape == (6, 13)
+    assert (np.diff(times, axis=1)[np.isfinite(times[:, 1:])] > 0).all()
+    assert lap_length(log) == pytest.approx(56.8, abs=0.1)
+
+
+def test_nothing_to_measure(paths):
+    log = load_race_log(paths[0])
+    events = {field: getattr(log, field)[:0] for field in vars(log) if field.startswith("event_") and "names" not in field}
+    evaluation = summarise(TRACK, log.pilots.tolist(), [race_result(dataclasses.replace(log, **events))], 0)
+    plain = evaluation.to_dict()
+    nothing = {"mean": None, "std": None, "low": None, "high": None}
+    for name in ("flying_lap_time", "first_lap_time", "nominal_lap_time", "mean_speed", "top_speed"):
+        assert plain[name] == nothing
+    assert plain["success_rate"]["mean"] == 0.0
+    assert plain["collisions_per_race"] == {"mean": 0.0, "std": None, "low": None, "high": None}
+    assert [field.name for field in dataclasses.fields(evaluation)][:15] == list(plain)

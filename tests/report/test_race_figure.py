@@ -1,0 +1,55 @@
+"""The picture of a race can be drawn of any race."""
+
+import io
+
+import matplotlib.image
+import numpy as np
+import pytest
+
+from cruise.evaluation.matches import make_match, run_races
+from cruise.presets import TRACKS
+from cruise.report import race_charts
+from cruise.report.race_figure import draw_race
+from cruise.report.race_scene import make_scene
+from tests.evaluation.pilots import TROUBLE
+from tests.storage.logs import small_log
+
+# A race full of incidents, a race in which nothing happens, and many drones of few samples.
+RACES = {
+    "trouble": lambda: next(run_races(make_match(TRACKS["figure-eight"], 6, TROUBLE, laps=2), 10, 0)),
+    "alone": lambda: small_log(drones=1, event_kind=np.array([0, 1, 1, 1], np.int32), event_drone=np.zeros(4, np.int32)),
+    "crowd": lambda: small_log(drones=16),
+    "no events": lambda: small_log(event_kind=np.ones(4, np.int32)),
+    "one sample": lambda: small_log(samples=1, event_kind=np.ones(4, np.int32), airborne=np.zeros((1, 2), bool)),
+}
+
+
+@pytest.fixture(scope="module")
+def trouble():
+    return RACES["trouble"]()
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("case", RACES)
+def test_every_race_gives_a_picture(case):
+    picture = matplotlib.image.imread(io.BytesIO(draw_race(RACES[case]())), format="png")
+    assert picture.shape == (1045, 1650, 4)
+    assert 0.02 < (picture[..., :3].min(axis=2) < 0.9).mean() < 0.5  # neither blank nor black
+
+
+def test_the_same_race_gives_the_same_picture():
+    assert draw_race(small_log()) == draw_race(small_log())
+
+
+def test_progress_counts_gates_and_never_falls(trouble):
+    scene = make_scene(trouble)
+    assert (np.diff(scene.progress, axis=0) >= 0).all()
+    for drone, times in enumerate(scene.crossings):
+        for number, moment in enumerate(times[np.isfinite(times)], start=1):
+            progress = np.interp(moment, trouble.time, scene.progress[:, drone])
+            assert progress == pytest.approx(number, abs=0.1)
+
+
+def test_overtakers():
+    times = np.array([[1.0, 2.0, 3.0], [1.5, 1.8, 3.5], [2.0, 2.5, np.nan]])
+    assert race_charts._overtakers(times) == [(0, 2), (1, 1)]

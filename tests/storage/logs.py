@@ -1,0 +1,38 @@
+"""A small race log, made by hand."""
+
+import numpy as np
+
+from cruise.storage.race_log import EVENT_KINDS, RaceLog
+
+
+def small_log(samples=5, drones=2, gates=3, **changes):
+    """Two drones, three gates, four events."""
+    rng = np.random.default_rng(0)
+    fields = {
+        "time": 0.1 * np.arange(samples),
+        "position_w": rng.normal(size=(samples, drones, 3)).astype(np.float32),
+        "velocity_w": rng.normal(size=(samples, drones, 3)).astype(np.float32),
+        "euler": rng.normal(size=(samples, drones, 3)).astype(np.float32),
+        "action": rng.uniform(-1, 1, (samples, drones, 4)).astype(np.float32),
+        "next_gate": np.full((samples, drones), gates - 1, np.int32),
+        "airborne": np.ones((samples, drones), bool),
+        "gate_position": rng.normal(size=(gates, 3)),
+        "gate_yaw": rng.normal(size=gates),
+        "gate_size": np.full((gates, 2), 2.0),
+        "bounds": np.array([[-9.0, -9.0, 0.0], [9.0, 9.0, 9.0]]),
+        "frame_width": 0.3,
+        "leave_distance": 10.0,
+        "event_time": np.array([0.05, 0.1, 0.25, 0.25]),
+        "event_drone": np.array([0, 1, 0, 1], np.int32),
+        "event_kind": np.array([0, 1, 2, 2], np.int32),
+        "event_gate": np.array([2, 2, -1, -1], np.int32),
+        "event_other": np.array([-1, -1, 1, 0], np.int32),
+        "event_kind_names": np.array(EVENT_KINDS),
+        "pilots": np.array([f"pilot {drone}" for drone in range(drones)]),
+        "track": "ring",
+        "vehicle": "paper",
+        "laps": 2,
+        "control_dt": 0.1,
+        "collision_distance": 0.25,
+    }
+    return RaceLog(**fields | changes)

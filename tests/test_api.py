@@ -1,0 +1,43 @@
+"""The Python face: everything named is there, importing is quick, and the functions do what the command does."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import cruise
+from cruise.errors import CruiseError
+
+PILOTS = ["chaser", "hover"]
+
+
+def test_importing_waits_for_nothing():
+    command = "import sys, cruise; assert not {'jax', 'numpy', 'matplotlib'} & set(sys.modules)"
+    subprocess.run([sys.executable, "-c", command], check=True, timeout=60)
+
+
+def test_every_public_name_is_there_and_documented():
+    assert set(cruise.__all__) <= set(dir(cruise))
+    for name in cruise.__all__:
+        assert getattr(cruise, name).__doc__
+    with pytest.raises(AttributeError, match="no attribute 'fly'"):
+        _ = cruise.fly
+
+
+def test_race_and_evaluate():
+    log = cruise.race("ring", 2, PILOTS, laps=1, seed=3)
+    assert log.pilots.tolist() == PILOTS
+    again = cruise.race(cruise.load_track("ring"), 2, PILOTS, laps=1, seed=3)
+    np.testing.assert_array_equal(log.position_w, again.position_w)
+    evaluation = cruise.evaluate("ring", 2, PILOTS, episodes=3, seed=5)
+    assert evaluation.success_rate.mean == 0.5
+    assert evaluation.to_dict()["policy"] == "chaser,hover"
+
+
+def test_make_env():
+    assert cruise.make_env("figure-eight", drones=3).num_drones == 3
+    with pytest.raises(CruiseError, match="unknown vehicle 'kite'; vehicles: paper"):
+        cruise.make_env(vehicle="kite")
+    with pytest.raises(CruiseError, match="drones must be from 1 to 64, got 0"):
+        cruise.make_env(drones=0)

@@ -1,0 +1,74 @@
+"""Networks, advantages and PPO's loss written again in plain NumPy, float64, from the papers."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.stats import norm
+
+from cruise.pilots.network import ActorCritic, Perceptron
+from cruise.training.types import Batch
+
+Layers = list[tuple[np.ndarray, np.ndarray]]
+
+
+def layers_of(network: Perceptron) -> Layers:
+    """Weights and biases."""
+    return [(np.float64(layer.weight), np.float64(layer.bias)) for layer in network.layers]
+
+
+def perceptron(layers: Layers, x: np.ndarray) -> np.ndarray:
+    """Outputs [O, B] of inputs [I, B]: tanh between the layers."""
+    for i, (weight, bias) in enumerate(layers):
+        x = weight @ x + bias[:, None]
+        x = np.tanh(x) if i < len(layers) - 1 else x
+    return x
+
+
+def mean_action(model: ActorCritic, observation: np.ndarray) -> np.ndarray:
+    """[A, B] of [O, B]."""
+    return perceptron(layers_of(model.actor), np.float64(observation))
+
+
+def value(model: ActorCritic, observation: np.ndarray) -> np.ndarray:
+    """[B] of [O, B]."""
+    return perceptron(layers_of(model.critic), np.float64(observation))[0]
+
+
+def log_prob(mean: np.ndarray, log_std: np.ndarray, action: np.ndarray) -> np.ndarray:
+    """[B] of [A, B], by SciPy."""
+    return sum(norm(m, np.exp(s)).logpdf(a) for m, s, a in zip(mean, np.float64(log_std), action, strict=True))
+
+
+def advantages(
+    reward: Sequence[float], values: Sequence[float], terminated: Sequence[bool], last_value: float, gamma_lambda: tuple
+) -> np.ndarray:
+    """GAE of one race: A_t = delta_t + gamma lambda A_{t+1}, nothing beyond a crash, `last_value` beyond the end."""
+    gamma, lam = gamma_lambda
+    result = np.zeros(len(reward))
+    following, following_value = 0.0, float(last_value)
+    for t in reversed(range(len(reward))):
+        if terminated[t]:
+            following, following_value = 0.0, 0.0
+        delta = float(reward[t]) + gamma * following_value - float(values[t])
+        following = delta + gamma * lam * following
+        result[t] = following
+        following_value = float(values[t])
+    return result
+
+
+def ppo(parameters: dict[str, list], batch: Batch, clip: float, weights: tuple[float, float]) -> dict[str, float]:
+    """Total loss and its parts. `parameters`: actor and critic layers, log_std; `weights`: of value and entropy."""
+    observation, action, old, advantage, target = (np.float64(x) for x in batch)
+    log_std = np.asarray(parameters["log_std"])
+    new = log_prob(perceptron(parameters["actor"], observation), log_std, action)
+    ratio = np.exp(new - old)
+    advantage = (advantage - advantage.mean()) / advantage.std()
+    surrogate = np.minimum(ratio * advantage, np.clip(ratio, 1 - clip, 1 + clip) * advantage)
+    parts = {
+        "loss/policy": -surrogate.mean(),
+        "loss/value": 0.5 * np.mean((perceptron(parameters["critic"], observation)[0] - target) ** 2),
+        "policy/entropy": sum(norm(scale=np.exp(s)).entropy() for s in log_std),
+        "policy/kl": np.mean(ratio - 1 - np.log(ratio)),
+    }
+    total = parts["loss/policy"] + weights[0] * 2 * parts["loss/value"] - weights[1] * parts["policy/entropy"]
+    return parts | {"loss": total}

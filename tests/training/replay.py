@@ -1,0 +1,101 @@
+"""A rollout flown again step by step in plain Python: networks in NumPy, bookkeeping race by race."""
+
+import functools
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from cruise.env.race_env import RaceEnv
+from cruise.env.types import RaceState, Rules
+from cruise.pilots.network import ActorCritic
+from cruise.training.types import TrainState
+from tests.training import reference
+from tests.training.runs import RACES, tiny_trainer
+
+
+class Replayed(NamedTuple):
+    """What the active drones lived through, time leading, and where the races stand after it."""
+
+    transitions: dict[str, np.ndarray]  # by the names of `Transitions`
+    last_value: np.ndarray
+    races: RaceState
+    uses_previous: np.ndarray
+    restarted: np.ndarray  # [T, E]
+
+
+@functools.cache
+def compiled_env() -> RaceEnv:
+    """The tiny run's environment, one step at a time."""
+    env = tiny_trainer().env
+    functions = {name: jax.jit(getattr(env, name)) for name in ("step", "observe", "decode")}
+    return env._replace(**functions, reset=jax.jit(env.reset, static_argnums=1))
+
+
+def fly(env: RaceEnv, races: RaceState, actions: np.ndarray, rules: Rules) -> tuple:
+    """One control step of actions [A, N, E] in the policy's frame."""
+    return env.step(races, env.decode(races.next_gate, jnp.asarray(actions, jnp.float32)), rules)
+
+
+def networks_actions(model: ActorCritic, observation: np.ndarray) -> np.ndarray:
+    """Mean actions [A, E] of observations [O, E]."""
+    return reference.mean_action(model, observation)
+
+
+def replay(before: TrainState, rules: Rules, alone: bool, own_actions: np.ndarray) -> Replayed:
+    """Fly a rollout from `before`, the active drones by the actions [T, A, E] that were drawn."""
+    env = compiled_env()
+    races, restart = numpy_copy(before.races), np.array(before.restart)
+    older = np.array(before.opponents.uses_previous)
+    starts = pool_of_starts(env, before, alone)
+    lived: list[dict] = []
+    for t, action in enumerate(own_actions):
+        for e in np.flatnonzero(restart):
+            begin(races, starts, race=e, entry=(e + t) % RACES)
+        older &= ~restart
+        observation = np.asarray(env.observe(races))
+        opponents = {use: networks_actions(model, observation[:, 1]) for use, model in generations(before)}
+        theirs = np.where(older, opponents[True], opponents[False])
+        races, outcome = fly(env, races, np.stack([action, theirs], axis=1), rules)
+        lived.append(transition(before.model, observation[:, 0], action, outcome) | {"restarted": restart})
+        races, restart = numpy_copy(races), np.asarray(outcome.terminated[0])
+    columns = {name: np.stack([row[name] for row in lived]) for name in lived[0]}
+    restarted = columns.pop("restarted")
+    last_value = reference.value(before.model, env.observe(races)[:, 0])
+    return Replayed(columns, last_value, races, older, restarted)
+
+
+def transition(model: ActorCritic, observation: np.ndarray, action: np.ndarray, outcome) -> dict[str, np.ndarray]:
+    """One step as `Transitions` names it."""
+    return {
+        "observation": observation,
+        "action": action,
+        "log_prob": reference.log_prob(reference.mean_action(model, observation), model.log_std, np.float64(action)),
+        "value": reference.value(model, observation),
+        "reward": np.asarray(outcome.reward[0]),
+        "terminated": np.asarray(outcome.terminated[0]),
+    }
+
+
+def generations(state: TrainState) -> list[tuple[bool, ActorCritic]]:
+    """(whether it is the previous one, the frozen policy)."""
+    return [(False, state.opponents.newest), (True, state.opponents.previous)]
+
+
+def pool_of_starts(env: RaceEnv, before: TrainState, alone: bool) -> RaceState:
+    """The starts of a rollout, a function of the state's key."""
+    fresh = numpy_copy(env.reset(jax.random.split(before.key, 3)[1], (RACES,)))
+    fresh.out[1:] |= alone
+    return fresh
+
+
+def begin(races: RaceState, starts: RaceState, race: int, entry: int) -> None:
+    """Race number `race` becomes the start number `entry`, in place."""
+    for now, start in zip(jax.tree.leaves(races), jax.tree.leaves(starts), strict=True):
+        now[..., race] = start[..., entry]
+
+
+def numpy_copy(races: RaceState) -> RaceState:
+    """The same in arrays that can be written to."""
+    return jax.tree.map(lambda x: np.array(x), races)
