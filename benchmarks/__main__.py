@@ -38,7 +38,7 @@ class Benchmarks:
             _compile_into(cache)
             figures: dict[str, Any] = headline(effort, cache, say)
             if not self.quick:
-                figures["tables"] = sweep(effort, cache, say)
+                figures["tables"] = sweep(effort, say)
         figures["seconds"] = time.monotonic() - started
         if self.json:
             print(json.dumps(rounded(figures), indent=2, allow_nan=False))

@@ -11,12 +11,13 @@ from cruise.config import ObservationKind
 from cruise.env.race_env import RaceEnv, make_race_env
 from cruise.env.types import RaceState, Rules, stage_rules
 from cruise.presets import CURRICULUM, TRACKS, VEHICLES
+from cruise.racing.grid import start_grid
 from cruise.training.experience import ACTIVE, begin_again
 
 TRACK = "ring"
 EPISODE_STEPS = 600
 COLLISION_DISTANCE = 0.5  # as in training [m]
-MOST_STEPS, LEAST_STEPS = 64, 16  # per call
+MOST_STEPS, LEAST_STEPS = 64, 8  # per call
 DRONE_STEPS = 2**21  # per call, about
 STRIDE = 16  # by which the block of random actions is shifted from step to step
 
@@ -49,7 +50,7 @@ class EnvironmentCase:
         self.rules: Rules = jax.tree.map(jnp.asarray, stage_rules(CURRICULUM[-1], COLLISION_DISTANCE))
         self._key = jax.random.key(races)
         self._actions = self._draw_actions()
-        self.carried = jax.jit(self._first)(self._key)
+        self.carried = self._none_begun()
         self._run = jax.jit(self._advance).lower(self.carried, self._actions, self._key).compile()
 
     def __call__(self) -> None:
@@ -61,16 +62,22 @@ class EnvironmentCase:
         shape = (self.env.dynamics.action_size, self.env.num_drones, self.races + self.steps * STRIDE)
         return jax.random.uniform(self._key, shape, minval=-1.0, maxval=1.0)
 
-    def _first(self, key: Array) -> Races:
-        state = self.env.reset(key, (self.races,))
-        nothing = jnp.zeros((self.env.num_drones, self.races))
-        return Races(state, jnp.zeros(self.races, bool), self._look(state), nothing, jnp.int32(0))
+    def _none_begun(self) -> Races:
+        """Empty races that all begin in the first step."""
+
+        def first(key: Array) -> Races:
+            state = self.env.reset(key, (self.races,))
+            reward = jnp.zeros((self.env.num_drones, self.races))
+            return Races(state, jnp.zeros(self.races, bool), self._look(state), reward, jnp.int32(0))
+
+        empty = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), jax.eval_shape(first, self._key))
+        return empty._replace(restart=jnp.ones_like(empty.restart))
 
     def _look(self, state: RaceState) -> Array | None:
         return None if self.observation is None else self.env.observe(state)
 
     def _advance(self, carried: Races, actions: Array, key: Array) -> Races:
-        fresh = self.env.reset(key, (self.races,))
+        fresh = start_grid(self.env.course, key, self.env.num_drones, (self.races,))
         again = min(self.races, self.steps)
         pool = jax.tree.map(lambda x: jnp.concatenate([x, x[..., :again]], axis=-1), fresh)
 
@@ -79,7 +86,7 @@ class EnvironmentCase:
 
         def step(races: Races, t: Array) -> tuple[Races, None]:
             start = jax.tree.map(lambda x: window(x, t % self.races), pool)
-            state = begin_again(races.state, start, races.restart)
+            state = begin_again(races.state, self.env.begin(start), races.restart)
             seen = self._look(state)
             state, outcome = self.env.step(state, window(actions, t * STRIDE), self.rules)
             restart = outcome.terminated[ACTIVE] | (state.step >= EPISODE_STEPS)

@@ -3,12 +3,13 @@
 import statistics
 import tempfile
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from benchmarks.environment import EnvironmentCase
 from benchmarks.machine import MATMUL_SIZES, Case, Matmul, cores, describe_machine, interleave, rates, versions
-from benchmarks.startup import CommandRun, Start, race_command, run_command, start_training
+from benchmarks.startup import Start, race_command, run_command, start_training
 from benchmarks.training import TrainingCase, environment_flop, trainer_flop
 from cruise.config import TrainConfig
 from cruise.errors import CruiseError
@@ -29,7 +30,7 @@ class Effort(NamedTuple):
     starts: int  # processes started cold, and as many warm
 
 
-QUICK = Effort(rounds=12, seconds=8.0, starts=1)
+QUICK = Effort(rounds=10, seconds=6.0, starts=1)
 FULL = Effort(rounds=15, seconds=30.0, starts=3)
 
 
@@ -42,7 +43,7 @@ def pilot_of(drones: int) -> str:
 
 
 def measure_starts(effort: Effort, cache: Path, say: Say) -> dict[str, Any]:
-    """Cold and warm starts, each in a fresh process, and peak memory. Leaves what was compiled in `cache`."""
+    """Training started cold and warm, each in a fresh process. Leaves what was compiled in `cache`."""
     cold: list[Start] = []
     warm: list[Start] = []
     for number in range(effort.starts):
@@ -52,36 +53,37 @@ def measure_starts(effort: Effort, cache: Path, say: Say) -> dict[str, Any]:
             here = cache if last else Path(folder)
             cold.append(start_training(here))
             warm.append(start_training(here))
-    say("cruise race, cold")
-    with tempfile.TemporaryDirectory() as folder:
-        race = run_command(cache, *race_command(Path(folder), pilot_of(DRONES)))
-    return start_figures(cold, warm, race)
-
-
-def start_figures(cold: list[Start], warm: list[Start], race: CommandRun) -> dict[str, Any]:
-    """Medians over starts, and the highest peaks."""
     return {
         "compile_s": statistics.median(start.compile_s for start in cold),
         "cold_start_s": statistics.median(start.total_s for start in cold),
         "warm_start_s": statistics.median(start.total_s for start in warm),
         "peak_memory_mb": max(start.peak_memory_mb for start in cold + warm),
-        "race_peak_memory_mb": race.peak_memory_mb,
-        "race_cold_s": race.total_s,
-        "race_pilot": pilot_of(DRONES),
     }
 
 
-def measure_rates(effort: Effort, config: TrainConfig, races: tuple[int, int], say: Say) -> dict[str, Any]:
+def race_memory(cache: Path) -> dict[str, Any]:
+    """Peak memory of `cruise race`, compiling included."""
+    pilot = pilot_of(DRONES)
+    with tempfile.TemporaryDirectory() as folder:
+        race = run_command(cache, *race_command(Path(folder), pilot))
+    return {"race_peak_memory_mb": race.peak_memory_mb, "race_pilot": pilot}
+
+
+class Subjects(NamedTuple):
+    """What is timed, compiled."""
+
+    training: TrainingCase
+    few: EnvironmentCase
+    many: EnvironmentCase
+    products: dict[str, Matmul]
+
+
+def measure_rates(subjects: Subjects, effort: Effort) -> dict[str, Any]:
     """Training, environment and matrix products in turn, then the environment with few and with many races."""
-    say("compiling training and the environment")
-    training = TrainingCase(config)
-    few = EnvironmentCase(races[0], config.drones)
-    say("timing training, the environment and matrix products")
-    products = {f"matmul {size}": Matmul(size) for size in MATMUL_SIZES}
+    training, few, many, products = subjects
     together: dict[str, Case] = {"training": training, "environment": few, **products}
     taken = interleave(together, effort.rounds, effort.seconds)
-    say(f"timing {races[1]:,} races")
-    apart: dict[str, Case] = {"few": few, "many": EnvironmentCase(races[1], config.drones)}
+    apart: dict[str, Case] = {"few": few, "many": many}
     taken_apart = interleave(apart, effort.rounds // 3, effort.seconds)
     per_second, per_second_apart = rates(together, taken), rates(apart, taken_apart)
     return {
@@ -110,8 +112,15 @@ def headline(effort: Effort, cache: Path, say: Say) -> dict[str, Any]:
     """One object with every figure and what is needed to read it."""
     about = {"machine": describe_machine(), "versions": versions(), "cores": cores()}
     starts = measure_starts(effort, cache, say)
-    measured = measure_rates(effort, TrainConfig(drones=DRONES), (RACES, MANY_RACES), say)
-    return {**measured, **starts, "method": METHOD, **about}
+    say("compiling training and the environment; cruise race beside it, for its memory")
+    with ThreadPoolExecutor() as beside:
+        race = beside.submit(race_memory, cache)
+        few, many = (beside.submit(EnvironmentCase, races, DRONES) for races in (RACES, MANY_RACES))
+        training = TrainingCase(TrainConfig(drones=DRONES))
+        subjects = Subjects(training, few.result(), many.result(), {f"matmul {n}": Matmul(n) for n in MATMUL_SIZES})
+        starts |= race.result()
+    say("timing training, the environment and matrix products")
+    return {**measure_rates(subjects, effort), **starts, "method": METHOD, **about}
 
 
 METHOD = {
@@ -120,5 +129,5 @@ METHOD = {
     "offset from a block drawn beforehand, extended observation, reward, auto-reset from a pool drawn in every call",
     "training": f"Trainer.update, ring, {DRONES} drones, last stage, default PPO",
     "flop_per_train_step": "products of the networks only, two operations per weight, nothing counted twice",
-    "peak_memory_mb": "of a process that compiles, trains and evaluates; race_peak_memory_mb: of `cruise race`",
+    "peak_memory_mb": "of a process that starts, compiles and trains; race_peak_memory_mb: of `cruise race`",
 }

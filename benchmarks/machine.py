@@ -46,7 +46,7 @@ class Matmul:
 def interleave(cases: Mapping[str, Case], rounds: int, seconds: float) -> dict[str, list[float]]:
     """Seconds of every call: round after round, in each of them every case once.
 
-    Whatever else the machine does in the meantime falls on all cases alike. The first round is not counted, it warms
+    Whatever else the machine does in the meantime falls on all cases alike. A first round is not counted: it warms
     caches. Ends after `rounds`, or sooner when `seconds` have passed and three rounds are complete.
     """
     for case in cases.values():

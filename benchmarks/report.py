@@ -20,7 +20,6 @@ LINES = (
     ("training, first update, warm", "warm_start_s", 1.0, "s"),
     ("peak memory, training", "peak_memory_mb", 1.0, "MB"),
     ("peak memory, cruise race", "race_peak_memory_mb", 1.0, "MB"),
-    ("cruise race, cold", "race_cold_s", 1.0, "s"),
 )
 TITLES = {
     "environment_races": "environment over races, 4 drones",

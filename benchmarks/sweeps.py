@@ -1,9 +1,9 @@
 """The whole table: how the figures change with races, drones, observation and networks."""
 
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from benchmarks.environment import EnvironmentCase, that_fit
 from benchmarks.headline import DRONES, RACES, TRACK, Effort, Say, pilot_of, roofline
@@ -15,6 +15,7 @@ from cruise.evaluation.matches import evaluate_match, make_match
 from cruise.presets import TRACKS
 
 Row = dict[str, Any]
+C = TypeVar("C", bound=Case)
 
 RACES_SWEPT = (64, 256, 1024, 4096, 16_384, 65_536, 262_144)
 DRONES_SWEPT = (1, 2, 4, 8, 16)
@@ -77,29 +78,32 @@ def evaluations(effort: Effort, say: Say) -> list[Row]:
     return _timed(rows, cases, "races_per_s", effort)
 
 
-def commands(cache: Path, say: Say) -> list[Row]:
-    """Whole commands in processes of their own: how long they take, warm, and the memory they need."""
-    rows = []
+def commands(say: Say) -> list[Row]:
+    """Whole commands in processes of their own: how long they take, cold and warm, and the memory they need."""
+    rows: list[Row] = []
     for name in ("race", "train"):
-        say(f"cruise {name}, twice")
-        for again in (False, True):
-            with tempfile.TemporaryDirectory() as folder:
-                where = Path(folder)
-                arguments = race_command(where, pilot_of(DRONES)) if name == "race" else train_command(where)
-                took = run_command(cache, *arguments)
-            said = " ".join(word for word in arguments if not word.startswith(folder))
-            rows.append({"command": f"cruise {said}", "cache_filled": again, **took._asdict()})
+        say(f"cruise {name}, cold, then warm")
+        with tempfile.TemporaryDirectory() as cache:
+            rows += [_run_one(name, Path(cache), filled) for filled in (False, True)]
     return rows
 
 
-def sweep(effort: Effort, cache: Path, say: Say) -> dict[str, list[Row]]:
+def _run_one(name: str, cache: Path, filled: bool) -> Row:
+    with tempfile.TemporaryDirectory() as folder:
+        where = Path(folder)
+        arguments = race_command(where, pilot_of(DRONES)) if name == "race" else train_command(where)
+        took = run_command(cache, *arguments)
+    return {"command": f"cruise {name}", "cache": "filled" if filled else "empty", **took._asdict()}
+
+
+def sweep(effort: Effort, say: Say) -> dict[str, list[Row]]:
     """Every table, by name."""
     tables = (environment_races, environment_drones, environment_observations, training_drones, training_networks)
     swept = {table.__name__: table(effort, say) for table in (*tables, evaluations)}
-    return {**swept, "commands": commands(cache, say)}
+    return {**swept, "commands": commands(say)}
 
 
-def _built(rows: list[Row], build: Callable[[Row], Case], what: str, say: Say) -> list[Case]:
+def _built(rows: list[Row], build: Callable[[Row], C], what: str, say: Say) -> list[C]:
     cases = []
     for row in rows:
         say(f"compiling {what}: {', '.join(f'{name} {value}' for name, value in row.items())}")
@@ -108,7 +112,7 @@ def _built(rows: list[Row], build: Callable[[Row], Case], what: str, say: Say) -
     return cases
 
 
-def _timed(rows: list[Row], cases: list[Case], unit: str, effort: Effort) -> list[Row]:
+def _timed(rows: list[Row], cases: Sequence[Case], unit: str, effort: Effort) -> list[Row]:
     """The rows with the rate of each case, all cases in turn."""
     named: Mapping[str, Case] = {str(place): case for place, case in enumerate(cases)}
     taken = interleave(named, effort.rounds, effort.seconds)
@@ -122,8 +126,7 @@ def _trained(rows: list[Row], effort: Effort, say: Say) -> list[Row]:
 
     cases = _built(rows, build, "training", say)
     *timed, product = _timed([*rows, {}], [*cases, Matmul(MATMUL)], "steps_per_s", effort)
-    shares = [
-        roofline(case, row["steps_per_s"], product["steps_per_s"]) for case, row in zip(cases, timed, strict=True)
-    ]
-    kept = ("train_roofline_share", "flop_per_train_step")
-    return [row | {name: share[name] for name in kept} for row, share in zip(timed, shares, strict=True)]
+    for case, row in zip(cases, timed, strict=True):
+        share = roofline(case, row["steps_per_s"], product["steps_per_s"])
+        row |= {name: share[name] for name in ("train_roofline_share", "flop_per_train_step")}
+    return timed

@@ -32,12 +32,6 @@ class TrainingCase:
         self.state, metrics = self.trainer.update(self.state, self.rules, self.alone)
         jax.block_until_ready((self.state, metrics))
 
-    def evaluate(self) -> None:
-        """The evaluation that self-play asks for every half a million steps."""
-        state, key = self.state, jax.random.key(0)
-        score = self.trainer.evaluate(state.model, state.opponents.newest, self.rules, self.alone, key)
-        jax.block_until_ready(score)
-
 
 class TrainFlop(NamedTuple):
     """Floating-point operations per environment step of the active drone, in the networks' products alone."""

@@ -4,14 +4,18 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from cruise.api import evaluate, load_policy, load_track, make_env, race, train
+    from cruise.api import evaluate, load_policy, load_track, make_env, race
+    from cruise.api_training import train
     from cruise.errors import CruiseError
 
 __version__ = "0.1.0"
 
 __all__ = ["CruiseError", "__version__", "evaluate", "load_policy", "load_track", "make_env", "race", "train"]
 
-_HOMES = {"CruiseError": "cruise.errors"}  # of public names that are not in `cruise.api`
+_HOMES = {
+    "CruiseError": "cruise.errors",
+    "train": "cruise.api_training",
+}  # of public names that are not in `cruise.api`
 
 
 def __getattr__(name: str) -> Any:

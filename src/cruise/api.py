@@ -1,28 +1,20 @@
 """The Python face of CRUISE: `import cruise`."""
 
 import os
-from collections.abc import Callable, Sequence
-from pathlib import Path
+from collections.abc import Sequence
 
-from cruise.config import ObservationKind, RewardWeights, Track, TrainConfig
+from cruise.config import ObservationKind, RewardWeights, Track
 from cruise.env.race_env import RaceEnv, make_race_env
 from cruise.errors import CruiseError
 from cruise.evaluation import matches
 from cruise.evaluation.matches import PilotChoice
 from cruise.evaluation.summary import Evaluation
-from cruise.pilots.neural import NeuralPilot
 from cruise.presets import VEHICLES
 from cruise.racing.track_file import load_track
-from cruise.report.training_figure import draw_training
 from cruise.storage.policy_file import load_policy
 from cruise.storage.race_log import RaceLog
-from cruise.training.session import Session, default_folder, read_metrics
-from cruise.training.trainer import Progress
-from cruise.training.validation import check_config
 
-__all__ = ["evaluate", "load_policy", "load_track", "make_env", "race", "train"]
-
-CURVES = "training.png"  # learning curves in the folder of a run
+__all__ = ["evaluate", "load_policy", "load_track", "make_env", "race"]
 
 TrackChoice = Track | str | os.PathLike[str]
 
@@ -107,42 +99,6 @@ def evaluate(
         CruiseError: what was asked for does not exist or does not go together.
     """
     return matches.evaluate(_track(track), drones, pilots, episodes, seed)
-
-
-def train(
-    config: TrainConfig | None = None,
-    out: str | os.PathLike[str] | None = None,
-    *,
-    episodes: int = 100,
-    show: Callable[[Progress], None] | None = None,
-) -> NeuralPilot:
-    """Train a policy through the curriculum and give it, ready to race.
-
-    Args:
-        config: what to train; by default four drones on the ring, the paper's 40 million steps.
-        out: folder of the run, new; by default `runs/TRACK-DRONES-sSEED`. `cruise train --resume` continues it.
-        episodes: races in which the finished policy is measured.
-        show: called after every update.
-
-    Raises:
-        CruiseError: the configuration cannot work, the folder holds a run already, or training diverged.
-    """
-    config = config or TrainConfig()
-    check_config(config)
-    folder = Path(out) if out else default_folder(config)
-    session = Session(folder, config, load_track(config.track), VEHICLES[config.vehicle])
-    for progress in session:
-        if show:
-            show(progress)
-    return load_policy(finish_run(session, episodes))
-
-
-def finish_run(session: Session, episodes: int) -> Path:
-    """Measure the policy of a run that has ended, write it with its results, draw the curves; give its path."""
-    path = session.finish(lambda policy: matches.evaluate_policy(policy, session.track, episodes))
-    title = f"{session.track.name}, {session.config.drones} drones, seed {session.config.seed}"
-    draw_training(read_metrics(session.folder), title, session.folder / CURVES)
-    return path
 
 
 def _track(choice: TrackChoice) -> Track:

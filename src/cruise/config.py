@@ -97,7 +97,7 @@ class RewardWeights:
     overtake_sign: Literal["fixed", "paper"] = "fixed"
     overtake_range: float = 3.0  # overtaking counts against opponents nearer than this [m]
     gate_bonus: float = 10.0  # reward of the step that passes a gate, in place of the terms of flight
-    w_edge: float = 10.0  # per metre that a crossing lies outside the opening shrunk by `edge_margin`
+    w_edge: float = 40.0  # per metre that a crossing lies outside the opening shrunk by `edge_margin`
     edge_margin: float = 0.2  # [m]
     w_near: float = 0.5  # per metre that the nearest opponent is closer than `near_distance`
     near_distance: float = 1.2  # [m]

@@ -57,7 +57,10 @@ BAD = {
     "for other drones": (["--policy", "duel", "--drones", "3"], "was trained for races of 2 drones, this race has 3"),
     "damaged policy": (["--policy", "damaged"], "not a whole safetensors file"),
     "half a policy": (["--policy", "half"], "policy description half.json does not exist"),
-    "own track": (["--policy", "far"], "policy 'far' was trained on track 'moon', not a built-in one: give its --track"),
+    "own track": (
+        ["--policy", "far"],
+        "policy 'far' was trained on track 'moon', not a built-in one: give its --track",
+    ),
 }
 
 

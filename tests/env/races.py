@@ -83,10 +83,19 @@ def forward(track: Track, gate: int) -> np.ndarray:
     return np.array([np.cos(yaw), np.sin(yaw), 0.0])
 
 
+def lined_up(env: RaceEnv, track: Track, races: int) -> RaceState:
+    """Drones at rest, side by side 2.5 m before gate e mod G in race e."""
+    lanes = 1.2 * (np.arange(env.num_drones) - (env.num_drones - 1) / 2)
+    gates = np.arange(races) % len(track.gates)
+    position = np.array([[before_gate(track, gate, 2.5, left) for left in lanes] for gate in gates])
+    return state_of(env, position.transpose(2, 1, 0), next_gate=gates)
+
+
 class Recorded(NamedTuple):
-    """A rollout: state before each step, and what the step did; time leads."""
+    """A rollout: state before each step, the action, the state after, and what the step did; time leads."""
 
     before: RaceState
+    action: jax.Array
     after: RaceState
     outcome: StepOutcome
 
@@ -100,7 +109,7 @@ def record(env: RaceEnv, state: RaceState, actions: np.ndarray, rules: Rules) ->
 def _player(step: Callable) -> Callable[..., Recorded]:
     def advance(now: RaceState, action: jax.Array, rules: Rules) -> tuple[RaceState, Recorded]:
         then, outcome = step(now, action, rules)
-        return then, Recorded(now, then, outcome)
+        return then, Recorded(now, action, then, outcome)
 
     return jax.jit(lambda start, actions, rules: jax.lax.scan(lambda s, a: advance(s, a, rules), start, actions)[1])
 
@@ -109,9 +118,9 @@ def fly_to_gates(
     env: RaceEnv, state: RaceState, steps: int, speed: float | np.ndarray, rules: Rules, noise: float = 0.0
 ) -> Recorded:
     """A plain pilot: aims a little beyond the next gate and holds a speed [m/s]; noise makes it stray."""
-    keys = jax.random.split(jax.random.key(0), steps)
-    flown = _pilot(env.step)(env.course, state, keys, jnp.asarray(speed), rules, noise)
-    return jax.tree.map(np.asarray, flown)
+    shape = (steps, *state.drones.position_w.shape)
+    stray = jnp.asarray(noise * np.random.default_rng(0).normal(size=shape), jnp.float32)
+    return jax.tree.map(np.asarray, _pilot(env.step)(env.course, state, stray, jnp.asarray(speed), rules))
 
 
 @functools.cache
@@ -122,13 +131,12 @@ def _pilot(step: Callable) -> Callable[..., Recorded]:
         wanted = speed * aim / jnp.maximum(jnp.linalg.norm(aim, axis=0), 0.1)
         return 1.2 * (wanted - now.drones.velocity_w)
 
-    def fly(course, start, keys, speed, rules, noise):
-        def advance(now: RaceState, key: jax.Array) -> tuple[RaceState, Recorded]:
-            action = act(course, now, speed)
-            action += noise * jax.random.normal(key, action.shape)
-            then, outcome = step(now, jnp.clip(action, -1, 1), rules)
-            return then, Recorded(now, then, outcome)
+    def fly(course, start, stray, speed, rules):
+        def advance(now: RaceState, off: jax.Array) -> tuple[RaceState, Recorded]:
+            action = jnp.clip(act(course, now, speed) + off, -1, 1)
+            then, outcome = step(now, action, rules)
+            return then, Recorded(now, action, then, outcome)
 
-        return jax.lax.scan(advance, start, keys)[1]
+        return jax.lax.scan(advance, start, stray)[1]
 
     return jax.jit(fly)

@@ -8,7 +8,7 @@ import pytest
 from cruise.config import Track
 from cruise.env.types import RaceState, StepOutcome
 from cruise.presets import CURRICULUM, REWARDS
-from tests.env.races import EIGHT, RING, before_gate, forward, race_env, real_rules, rules_of, state_of
+from tests.env.races import EIGHT, RING, before_gate, forward, lined_up, race_env, real_rules, rules_of, state_of
 
 
 def idle(state: RaceState) -> jax.Array:
@@ -187,7 +187,7 @@ def test_drones_that_fly_through_each_other_collide() -> None:
 def test_time_alone_ends_nothing() -> None:
     """A drone that hovers is never terminated: the time limit belongs to the caller, the clock to the state."""
     env, steps = race_env(1), 2000
-    state = env.reset(jax.random.key(0), batch=(3,))
+    state = lined_up(env, RING, 3)
     rules = rules_of()
 
     def advance(now: RaceState, _: None) -> tuple[RaceState, jax.Array]:

@@ -13,7 +13,7 @@ from cruise.dynamics import RigidBody
 from cruise.env.types import RaceState
 from cruise.presets import CURRICULUM, REWARDS
 from tests.env import paper_reference as paper
-from tests.env.races import RING, Recorded, fly_to_gates, race_env, real_rules, record, rules_of
+from tests.env.races import RING, Recorded, fly_to_gates, lined_up, race_env, real_rules, record, rules_of
 from tests.helpers import assert_trees_close, random_track
 
 RACES = 32
@@ -24,13 +24,12 @@ RULES = {"early": rules_of(CURRICULUM[2]), "late": rules_of(CURRICULUM[4]), "rac
 def flight(kind: str) -> Recorded:
     """Four drones with a straying pilot, printed weights: leaves [T, ...]."""
     env = race_env(4, RING, REWARDS["paper"])
-    start = env.reset(jax.random.key(1), batch=(RACES,))
-    return fly_to_gates(env, start, 150, 4.0, RULES[kind], noise=0.6)
+    return fly_to_gates(env, lined_up(env, RING, RACES), 150, 4.0, RULES[kind], noise=0.6)
 
 
 @pytest.mark.parametrize("kind", RULES)
 def test_gates_and_clock(kind: str) -> None:
-    before, after, outcome = flight(kind)
+    before, _, after, outcome = flight(kind)
     passed = outcome.crossing.passed
     assert passed.sum() > 50
     np.testing.assert_array_equal(after.gates_passed, before.gates_passed + passed)
@@ -41,7 +40,7 @@ def test_gates_and_clock(kind: str) -> None:
 
 @pytest.mark.parametrize("kind", RULES)
 def test_who_ends_and_why(kind: str) -> None:
-    before, after, outcome = flight(kind)
+    before, _, after, outcome = flight(kind)
     hits = outcome.collisions
     solid = hits.drone | hits.ground | hits.gate_frame
     expected = hits.bounds | hits.flip | (solid if kind != "early" else False)
@@ -60,7 +59,7 @@ def test_who_ends_and_why(kind: str) -> None:
 
 @pytest.mark.parametrize("kind", ["late", "race"])
 def test_who_has_left_the_air_takes_no_part(kind: str) -> None:
-    before, after, outcome = flight(kind)
+    before, _, after, outcome = flight(kind)
     gone = before.out | before.finished
     assert gone.any()
     assert (outcome.reward[gone] == 0).all()
@@ -74,7 +73,7 @@ def test_who_has_left_the_air_takes_no_part(kind: str) -> None:
 
 def test_drone_collisions_are_those_of_the_flown_segments() -> None:
     """Never fewer than the paper's end-of-step test finds, and symmetric within the step."""
-    before, after, outcome = flight("late")
+    before, _, after, outcome = flight("late")
     flying = ~(before.out | before.finished)
     printed = np.zeros_like(outcome.collisions.drone)
     for t in range(0, 150, 3):
@@ -94,7 +93,7 @@ def in_float64(body: RigidBody, t: int, e: int) -> dict[str, np.ndarray]:
 
 def test_rewards_of_a_flight_are_the_papers() -> None:
     """The printed weights on real steps: sum of the six terms, one for a gate, minus one at the end, clipped."""
-    before, after, outcome = flight("late")
+    before, _, after, outcome = flight("late")
     stage, gates = CURRICULUM[4], np.array([g.position_w for g in RING.gates])
     checked = 0
     for t in range(0, 150, 5):
@@ -118,7 +117,7 @@ def test_rewards_of_a_flight_are_the_papers() -> None:
 
 def test_reset_is_a_function_of_its_key() -> None:
     env = race_env(4, RING, REWARDS["paper"])
-    one, again, other = (env.reset(jax.random.key(k), batch=(16,)) for k in (3, 3, 4))
+    one, again, other = (env.reset(jax.random.key(k), batch=(RACES,)) for k in (3, 3, 4))
     assert_trees_close(one, again)
     assert not np.array_equal(one.drones.body.position_w, other.drones.body.position_w)
     for state in (one, other):
@@ -126,20 +125,16 @@ def test_reset_is_a_function_of_its_key() -> None:
         assert not np.asarray(state.gates_passed).any()
         assert (np.asarray(state.drones.body.velocity_w) == 0).all()
         assert (np.asarray(state.next_gate) == np.asarray(state.next_gate)[0]).all()
-    fixed = env.reset(jax.random.key(3), batch=(16,), gate=2)
+    fixed = env.reset(jax.random.key(3), batch=(RACES,), gate=2)
     assert (np.asarray(fixed.next_gate) == 2).all()
 
 
 def test_one_race_is_a_batch_of_races() -> None:
-    env, rules = race_env(4, RING, REWARDS["paper"]), RULES["late"]
-    before, after, outcome = flight("late")
+    """Steps of the recorded races, flown again alone."""
+    env, recorded = race_env(4, RING, REWARDS["paper"]), flight("late")
     for t, e in ((20, 3), (80, 17), (140, 30)):
-        picked = jax.tree.map(lambda x, t=t, e=e: jnp.asarray(x[t, ..., e]), before)
-        all_races = jax.tree.map(lambda x, t=t: jnp.asarray(x[t]), before)
-        action = jnp.asarray(np.random.default_rng(t).uniform(-1, 1, (3, 4, RACES)), jnp.float32)
-        batched, single = env.step(all_races, action, rules), env.step(picked, action[..., e], rules)
-        assert_trees_close(single, jax.tree.map(lambda x, e=e: x[..., e], batched), atol=2e-5)
-    assert after.step.shape == outcome.reward.shape[::2]
+        before, action, after, outcome = jax.tree.map(lambda x, t=t, e=e: jnp.asarray(x[t, ..., e]), recorded)
+        assert_trees_close(env.step(before, action, RULES["late"]), (after, outcome), atol=2e-5)
 
 
 def mirrored_track(track: Track) -> Track:
@@ -162,9 +157,9 @@ def mirrored(state: RaceState) -> RaceState:
 
 def test_the_mirrored_race_has_the_same_story() -> None:
     """Same rewards, crossings and collisions on the mirrored track; the paper's observation mirrored."""
-    track = random_track(9)
+    track = random_track(9, gates=3)
     env, mirror = race_env(2, track), race_env(2, mirrored_track(track))
-    start = env.reset(jax.random.key(5), batch=(RACES,))
+    start = lined_up(env, track, RACES)
     actions = np.random.default_rng(0).uniform(-1, 1, (60, 3, 2, RACES)).astype(np.float32) * 0.7
     sides = np.float32([1, -1, 1])[:, None, None]
     one, other = record(env, start, actions, rules_of()), record(mirror, mirrored(start), actions * sides, rules_of())
@@ -175,7 +170,7 @@ def test_the_mirrored_race_has_the_same_story() -> None:
         other.after.drones.body.position_w, one.after.drones.body.position_w * sides[None], atol=1e-4
     )
     end = jax.tree.map(lambda x: jnp.asarray(x[-1]), one.after)
-    signs, gates = np.ones(13 + 7 + 4), 7
+    signs, gates = np.ones(13 + 3 + 4), 3
     signs[[1, 5, 8 + gates + 1, 8 + gates + 3, 13 + gates + 1]] = -1  # y components, and the sine
     seen, reflected = env.observe_as["paper"](end), mirror.observe_as["paper"](mirrored(end))
     np.testing.assert_allclose(reflected, np.asarray(seen) * signs[:, None, None], atol=1e-5)

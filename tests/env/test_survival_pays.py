@@ -16,7 +16,7 @@ from cruise.dynamics import DroneState, RigidBody
 from cruise.env.reward import Motion, Target, reward_components, total_reward
 from cruise.presets import CURRICULUM, REWARDS
 from cruise.racing.gates import Crossing
-from tests.env.races import EIGHT, PAPER, RING, Recorded, fly_to_gates, race_env, record, rules_of
+from tests.env.races import EIGHT, PAPER, RING, Recorded, fly_to_gates, lined_up, race_env, record, rules_of
 
 GAMMA, DT = PPOConfig().gamma, PAPER.control_dt
 HORIZON = 2000  # steps; what comes later is discounted to 1e-8
@@ -107,7 +107,7 @@ def returns_of(flight: Recorded) -> np.ndarray:
 def test_flights_of_a_plain_pilot_beat_crashing(stage: Stage) -> None:
     """In the environment itself, from every start: gates are met, corners are flown, nothing is idealised."""
     env, speeds = race_env(1), np.repeat([0.5, 1.0, 2.0, 3.0], 16)
-    flight = fly_to_gates(env, env.reset(jax.random.key(0), batch=speeds.shape), 400, speeds, rules_of(stage))
+    flight = fly_to_gates(env, lined_up(env, RING, speeds.size), 400, speeds, rules_of(stage))
     assert not flight.after.out.any()
     assert flight.after.gates_passed[-1].min() > 0
     assert returns_of(flight).min() > DEFAULT.terminal
@@ -117,7 +117,7 @@ def test_flights_of_a_plain_pilot_beat_crashing(stage: Stage) -> None:
 def test_every_way_to_crash_ends_with_the_terminal_reward(stage: Stage) -> None:
     """No crash earns more in its last step than the return that survival is compared with."""
     env = race_env(2)
-    start = env.reset(jax.random.key(1), batch=(32,))
+    start = lined_up(env, RING, 32)
     wild = np.random.default_rng(0).choice([-1.0, 1.0], (1, 3, 2, 32)).astype(np.float32).repeat(200, axis=0)
     flight = record(env, start, wild, rules_of(stage))
     assert flight.outcome.terminated.sum() > 20

@@ -111,6 +111,7 @@ def measure(log):
     gates, drones = len(log["gate_yaw"]), airborne.shape[1]
     times = [sorted(t for kind, d, t, *_ in events if kind == "crossing" and d == drone) for drone in range(drones)]
     finish = {d: t for kind, d, t, *_ in events if kind == "finish"}
+    corners = log["gate_position"]
     speed = np.linalg.norm(log["velocity_w"].astype(np.float64), axis=2)
     collisions = {}
     for kind, d, t, _, other in events:
@@ -130,7 +131,7 @@ def measure(log):
         "collisions": {kind: len(who) for kind, who in collisions.items()},
         "overtakes": overtakes(times),
         "winner": min(finish, key=finish.get, default=-1),
-        "lap_length": sum(np.linalg.norm(a - b) for a, b in zip(log["gate_position"], np.roll(log["gate_position"], 1, 0))),
+        "lap_length": np.linalg.norm(np.diff(corners, axis=0, append=corners[:1]), axis=1).sum(),
     }
 
 

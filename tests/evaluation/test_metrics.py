@@ -1,6 +1,7 @@
 """Events and measures of race logs against an independent recomputation from the documentation."""
 
 import dataclasses
+import itertools
 import math
 
 import numpy as np
@@ -39,14 +40,19 @@ def test_every_kind_of_event_occurs(paths):
     assert set(kinds.tolist()) == set(range(len(EVENT_KINDS)))
 
 
+def identity(event):
+    """Kind, drone, time."""
+    return tuple(event[:3])
+
+
 def test_events_are_those_of_the_positions(paths, measured):
     for path, again in zip(paths, measured, strict=True):
         log, expected = reference.read(path), again["events"]
         np.testing.assert_array_equal(log["airborne"], again["airborne"])
         names = log["event_kind_names"][log["event_kind"]]
-        mine = list(zip(names, log["event_drone"], log["event_time"], log["event_gate"], log["event_other"], strict=True))
-        order = {"key": lambda event: (event[0], event[1], event[2])}
-        for (kind, drone, time, gate, other), theirs in zip(sorted(mine, **order), sorted(expected, **order), strict=True):
+        mine = zip(names, *(log[f"event_{x}"] for x in ("drone", "time", "gate", "other")), strict=True)
+        pairs = zip(sorted(mine, key=identity), sorted(expected, key=identity), strict=True)
+        for (kind, drone, time, gate, other), theirs in pairs:
             assert (kind, drone, gate, other) == (*theirs[:2], *theirs[3:])
             assert time == pytest.approx(theirs[2], abs=2e-4)
 
@@ -79,7 +85,9 @@ def test_evaluation_is_the_mean_over_races(paths, measured):
         races = [[quantity(m, d) for d, done in enumerate(m["finished"]) if done] for m in measured]
         return np.mean([np.mean(values) for values in races if values])
 
-    speeds = [np.mean([m["mean_speed"][d] for d in np.flatnonzero(m["finished"])]) for m in measured if any(m["finished"])]
+    speeds = [
+        np.mean([m["mean_speed"][d] for d in np.flatnonzero(m["finished"])]) for m in measured if any(m["finished"])
+    ]
     expected = {
         "success_rate": np.mean([m["finished"] for m in measured]),
         "all_success_rate": np.mean([all(m["finished"]) for m in measured]),
@@ -112,7 +120,7 @@ def test_ranking_and_fates(paths):
         ranked = [result.drones[drone] for drone in result.ranking]
         finished = [drone.finished for drone in ranked]
         assert finished == sorted(finished, reverse=True)
-        for ahead, behind in zip(ranked, ranked[1:]):
+        for ahead, behind in itertools.pairwise(ranked):
             if behind.finished:
                 assert ahead.finish_time <= behind.finish_time
             elif not ahead.finished:
@@ -141,7 +149,9 @@ def test_crossing_times_and_lap_length(paths):
 
 def test_nothing_to_measure(paths):
     log = load_race_log(paths[0])
-    events = {field: getattr(log, field)[:0] for field in vars(log) if field.startswith("event_") and "names" not in field}
+    events = {
+        field: getattr(log, field)[:0] for field in vars(log) if field.startswith("event_") and "names" not in field
+    }
     evaluation = summarise(TRACK, log.pilots.tolist(), [race_result(dataclasses.replace(log, **events))], 0)
     plain = evaluation.to_dict()
     nothing = {"mean": None, "std": None, "low": None, "high": None}

@@ -17,7 +17,9 @@ from tests.storage.logs import small_log
 # A race full of incidents, a race in which nothing happens, and many drones of few samples.
 RACES = {
     "trouble": lambda: next(run_races(make_match(TRACKS["figure-eight"], 6, TROUBLE, laps=2), 10, 0)),
-    "alone": lambda: small_log(drones=1, event_kind=np.array([0, 1, 1, 1], np.int32), event_drone=np.zeros(4, np.int32)),
+    "alone": lambda: small_log(
+        drones=1, event_kind=np.array([0, 1, 1, 1], np.int32), event_drone=np.zeros(4, np.int32)
+    ),
     "crowd": lambda: small_log(drones=16),
     "no events": lambda: small_log(event_kind=np.ones(4, np.int32)),
     "one sample": lambda: small_log(samples=1, event_kind=np.ones(4, np.int32), airborne=np.zeros((1, 2), bool)),

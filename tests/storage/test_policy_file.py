@@ -46,7 +46,9 @@ def test_shipped_ones_are_found_by_name(tmp_path, monkeypatch):
     assert shipped_name("ring", 2) == "ring-2"
     assert load_policy("ring-2").name == "ring-2"
     assert read_meta("ring-2").drones == 2
-    with pytest.raises(CruiseError, match=r"no policy is shipped .*'ring' with 5 drones; shipped: figure-eight-2, ring-2"):
+    with pytest.raises(
+        CruiseError, match=r"no policy is shipped .*'ring' with 5 drones; shipped: figure-eight-2, ring-2"
+    ):
         shipped_name("ring", 5)
     with pytest.raises(CruiseError, match="did you mean 'ring-2'"):
         load_policy("ring2")
@@ -114,7 +116,10 @@ MALFORMED = {
     "unknown key": (edited(lambda d: d.update(extra=1)), "unknown key 'extra'"),
     "missing key": (edited(lambda d: d["policy"].pop("drones")), "policy.drones: missing"),
     "wrong type": (edited(lambda d: d["policy"].update(drones="2")), "policy.drones: expected an integer, got '2'"),
-    "unknown observation": (edited(lambda d: d["policy"].update(observation="x")), "policy.observation: expected one of"),
+    "unknown observation": (
+        edited(lambda d: d["policy"].update(observation="x")),
+        "policy.observation: expected one of",
+    ),
     "unknown vehicle": (edited(lambda d: d["policy"].update(vehicle="x")), "unknown vehicle 'x'; vehicles: "),
     "no drones": (edited(lambda d: d["policy"].update(drones=0)), "drones must be from 1 to"),
     "no agility": (edited(lambda d: d["policy"].update(agility=0.0)), "agility must be above 0"),

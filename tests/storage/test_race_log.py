@@ -44,7 +44,9 @@ def test_anyone_can_read_it_and_the_bytes_depend_on_the_race_alone(tmp_path):
 
 
 def test_no_events_is_a_race_too(tmp_path):
-    log = small_log(**{name: getattr(small_log(), name)[:0] for name in vars(small_log()) if re.match("event_[^k]", name)})
+    log = small_log(
+        **{name: getattr(small_log(), name)[:0] for name in vars(small_log()) if re.match("event_[^k]", name)}
+    )
     log = dataclasses.replace(log, event_kind=log.event_drone)
     log.save(tmp_path / "race.npz")
     assert len(load_race_log(tmp_path / "race.npz").event_time) == 0

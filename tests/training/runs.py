@@ -15,6 +15,7 @@ from cruise.config import PPOConfig, SelfPlayConfig, Track, TrainConfig, Vehicle
 from cruise.env.types import RaceState, Rules
 from cruise.pilots.network import ActorCritic
 from cruise.presets import TRACKS, VEHICLES
+from cruise.storage.checkpoint import load_meta
 from cruise.training import session
 from cruise.training.session import Session
 from cruise.training.trainer import Progress, Trainer
@@ -69,6 +70,11 @@ def open_session(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[..
         return Session(folder, config, TRACKS["ring"], VEHICLES["paper"], resume=resume)
 
     return open_it
+
+
+def saved_updates(folder: Path) -> int:
+    """How far the newest checkpoint of a run is."""
+    return load_meta(folder)["steps"] // PER_UPDATE
 
 
 def bits(tree: object) -> list[bytes]:

@@ -56,9 +56,9 @@ def test_a_rollout_is_what_the_environment_says(alone):
         np.testing.assert_allclose(experience.last_value, again.last_value, atol=2e-3)
         for found, expected in zip(jax.tree.leaves(after.races), jax.tree.leaves(again.races), strict=True):
             np.testing.assert_allclose(found, expected, atol=2e-3)
-        crashed = again.transitions["terminated"]
-        assert 15 < crashed.sum() < crashed.size / 4
+        assert again.transitions["terminated"].any()
         assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves((experience.transitions, experience.metrics)))
+    assert 20 < in_both(alone)[0][3].transitions["terminated"].sum() < STEPS * RACES / 4
 
 
 @pytest.mark.parametrize("alone", [False, True])

@@ -64,7 +64,9 @@ def test_gradient_is_that_of_the_transcription():
         head = getattr(gradient, name).layers[-1]
         pairs += zip(parameters[name][-1], (head.weight, head.bias), strict=True)
     for values, found in pairs:
-        np.testing.assert_allclose(found, differences(values, lambda: transcribed(parameters, batch)["loss"]), atol=2e-5)
+        np.testing.assert_allclose(
+            found, differences(values, lambda: transcribed(parameters, batch)["loss"]), atol=2e-5
+        )
 
 
 def differences(values: np.ndarray, loss, step: float = 1e-6) -> np.ndarray:

@@ -4,9 +4,11 @@ A sub-command is a frozen dataclass in a module of its own, with a method `run()
 the module of the sub-command at hand is imported, so that `cruise --help` and `cruise tracks` need no JAX.
 """
 
+import contextlib
 import difflib
 import functools
 import importlib
+import io
 import operator
 import os
 import signal
@@ -21,6 +23,7 @@ from cruise import __version__
 from cruise.errors import CruiseError
 
 BAD_INPUT = 2
+FRAME = "╭╮╰╯│─├┤"  # what the parser draws around its messages
 BROKEN_PIPE = 128 + signal.SIGPIPE
 INTERRUPTED = 128 + signal.SIGINT
 
@@ -92,14 +95,27 @@ def _parse(arguments: list[str]) -> Command:
         hint = f"did you mean {close[0]!r}? " if close else ""
         raise CruiseError(f"unknown command {chosen!r}: {hint}commands: {', '.join(COMMANDS)} (see cruise --help)")
     kinds = [_described(name, entry, load=name == chosen) for name, entry in COMMANDS.items()]
-    command: Command = tyro.cli(
-        functools.reduce(operator.or_, kinds),
-        prog="cruise",
-        description="Learning to race drones against drones.",
-        args=arguments,
-        config=(tyro.conf.OmitArgPrefixes, tyro.conf.OmitSubcommandPrefixes),
-    )
+    complaint = io.StringIO()
+    try:
+        with contextlib.redirect_stderr(complaint):
+            command: Command = tyro.cli(
+                functools.reduce(operator.or_, kinds),
+                prog="cruise",
+                description="Learning to race drones against drones.",
+                args=arguments,
+                config=(tyro.conf.OmitArgPrefixes, tyro.conf.OmitSubcommandPrefixes),
+            )
+    except SystemExit as stop:
+        if not stop.code:
+            raise
+        raise CruiseError(_one_line(complaint.getvalue())) from None
     return command
+
+
+def _one_line(boxed: str) -> str:
+    """The parser's message without its frame."""
+    words = boxed.translate({ord(c): " " for c in FRAME}).split()
+    return " ".join(words).removeprefix("Parsing error ").removeprefix("Unrecognized options ")
 
 
 def _described(name: str, entry: Entry, load: bool) -> Any:

@@ -4,7 +4,7 @@ import math
 import time
 from collections import deque
 from contextlib import AbstractContextManager
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
@@ -59,7 +59,7 @@ class _Clock:
 class _Lines(Screen):
     """One line every few seconds and at the end of each stage."""
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> "Screen":
         print(f"training {self.title}: {self.total_steps:,} steps", flush=True)
         self._last_line = -math.inf
         return self
@@ -80,7 +80,7 @@ class _Lines(Screen):
 class _Panel(Screen):
     """A progress bar that stays in place."""
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> "Screen":
         self._bar = Progress(
             TextColumn("{task.fields[stage]}"),
             BarColumn(),

@@ -15,6 +15,8 @@ from cruise.errors import CruiseError
 from cruise.presets import REWARDS, VEHICLES
 from cruise.racing.track_file import load_track
 
+MAX_EPISODES = 1_000_000
+
 
 @dataclass(frozen=True)
 class Train:
@@ -33,15 +35,15 @@ class Train:
     def run(self) -> int:
         """Train, measure, write the policy."""
         use_compilation_cache()
-        from cruise.api import CURVES, finish_run  # noqa: PLC0415  (imports JAX, as the next two do)
+        from cruise.api_training import CURVES, finish_run  # noqa: PLC0415  (imports JAX, as the next two do)
         from cruise.training.session import Interrupted, Session, default_folder, resume_config  # noqa: PLC0415
         from cruise.training.validation import check_config  # noqa: PLC0415
 
         config = resume_config(self.resume) if self.resume else self._config()
         self._refuse_flags_with_resume()
         check_config(config)
-        if self.episodes < 1:
-            raise CruiseError(f"--episodes must be 1 or more, not {self.episodes}")
+        if not 1 <= self.episodes <= MAX_EPISODES:
+            raise CruiseError(f"--episodes must be between 1 and {MAX_EPISODES}, not {self.episodes}")
         folder = self.resume or self.out or default_folder(config)
         session = Session(folder, config, load_track(config.track), VEHICLES[config.vehicle], resume=bool(self.resume))
         try:

@@ -54,6 +54,10 @@ class MetricsLog:
             if isinstance(value, float) and np.isfinite(value):
                 self._board.add_scalar(name, value, row["steps"])
 
+    def flush(self) -> None:
+        """Bring to the disk what TensorBoard still buffers: a resumed run does not log it again."""
+        self._board.flush()
+
     def close(self) -> None:
         """Flush and close both logs."""
         self._file.close()
@@ -164,11 +168,13 @@ class Session:
                     seconds = self.seconds_before + time.monotonic() - started
                     log.add(metrics_row(progress, seconds))
                     due = time.monotonic() - saved >= self.config.checkpoint_seconds
-                    if progress.phase_ended or due or stop.asked:
+                    if progress.phase_ended or due:
+                        log.flush()
                         self._save(progress, seconds)
                         saved = time.monotonic()
                     yield progress
-                    if stop.asked:
+                    if stop.asked:  # looked at last: it may have come while the caller showed the update
+                        self._save(progress, seconds)
                         raise Interrupted(f"stopped after {progress.steps:,} steps; go on with: {self.resume_command}")
         except TrainingDiverged as error:
             raise TrainingDiverged(f"{error}; the last good checkpoint is {self.folder / CURRENT}") from None

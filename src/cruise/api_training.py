@@ -1,0 +1,56 @@
+"""Training from Python. Apart from `cruise.api`, so that racing does not wait for the learner's libraries."""
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+from cruise.config import TrainConfig
+from cruise.evaluation.matches import evaluate_policy
+from cruise.pilots.neural import NeuralPilot
+from cruise.presets import VEHICLES
+from cruise.racing.track_file import load_track
+from cruise.report.training_figure import draw_training
+from cruise.storage.policy_file import load_policy
+from cruise.training.session import Session, default_folder, read_metrics
+from cruise.training.trainer import Progress
+from cruise.training.validation import check_config
+
+__all__ = ["finish_run", "train"]
+
+CURVES = "training.png"  # learning curves in the folder of a run
+
+
+def train(
+    config: TrainConfig | None = None,
+    out: str | os.PathLike[str] | None = None,
+    *,
+    episodes: int = 100,
+    show: Callable[[Progress], None] | None = None,
+) -> NeuralPilot:
+    """Train a policy through the curriculum and give it, ready to race.
+
+    Args:
+        config: what to train; by default four drones on the ring, the paper's 40 million steps.
+        out: folder of the run, new; by default `runs/TRACK-DRONES-sSEED`. `cruise train --resume` continues it.
+        episodes: races in which the finished policy is measured.
+        show: called after every update.
+
+    Raises:
+        CruiseError: the configuration cannot work, the folder holds a run already, or training diverged.
+    """
+    config = config or TrainConfig()
+    check_config(config)
+    folder = Path(out) if out else default_folder(config)
+    session = Session(folder, config, load_track(config.track), VEHICLES[config.vehicle])
+    for progress in session:
+        if show:
+            show(progress)
+    return load_policy(finish_run(session, episodes))
+
+
+def finish_run(session: Session, episodes: int) -> Path:
+    """Measure the policy of a run that has ended, write it with its results, draw the curves; give its path."""
+    path = session.finish(lambda policy: evaluate_policy(policy, session.track, episodes))
+    title = f"{session.track.name}, {session.config.drones} drones, seed {session.config.seed}"
+    draw_training(read_metrics(session.folder), title, session.folder / CURVES)
+    return path
