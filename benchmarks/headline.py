@@ -69,6 +69,18 @@ def race_memory(cache: Path) -> dict[str, Any]:
     return {"race_peak_memory_mb": race.peak_memory_mb, "race_pilot": pilot}
 
 
+class Sizes(NamedTuple):
+    """Of what is timed."""
+
+    config: TrainConfig
+    few: int  # races
+    many: int
+    products: tuple[int, ...]  # side of the matrices
+
+
+SIZES = Sizes(TrainConfig(drones=DRONES), RACES, MANY_RACES, MATMUL_SIZES)
+
+
 class Subjects(NamedTuple):
     """What is timed, compiled."""
 
@@ -108,16 +120,17 @@ def roofline(training: TrainingCase, steps_per_s: float, flop_per_s: float) -> d
     }
 
 
-def headline(effort: Effort, cache: Path, say: Say) -> dict[str, Any]:
+def headline(effort: Effort, cache: Path, say: Say, sizes: Sizes = SIZES) -> dict[str, Any]:
     """One object with every figure and what is needed to read it."""
     about = {"machine": describe_machine(), "versions": versions(), "cores": cores()}
     starts = measure_starts(effort, cache, say)
     say("compiling training and the environment; cruise race beside it, for its memory")
     with ThreadPoolExecutor() as beside:
         race = beside.submit(race_memory, cache)
-        few, many = (beside.submit(EnvironmentCase, races, DRONES) for races in (RACES, MANY_RACES))
-        training = TrainingCase(TrainConfig(drones=DRONES))
-        subjects = Subjects(training, few.result(), many.result(), {f"matmul {n}": Matmul(n) for n in MATMUL_SIZES})
+        few, many = (beside.submit(EnvironmentCase, races, sizes.config.drones) for races in (sizes.few, sizes.many))
+        training = TrainingCase(sizes.config)
+        products = {f"matmul {size}": Matmul(size) for size in sizes.products}
+        subjects = Subjects(training, few.result(), many.result(), products)
         starts |= race.result()
     say("timing training, the environment and matrix products")
     return {**measure_rates(subjects, effort), **starts, "method": METHOD, **about}

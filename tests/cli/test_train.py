@@ -323,7 +323,7 @@ def test_without_a_whole_checkpoint_nothing_is_resumed(damage, refused, open_ses
     if damage == "gone":
         current.unlink()
     elif damage == "foreign":
-        current.write_bytes((b"\2\0\0\0\0\0\0\0{}"))
+        current.write_bytes(b"\2\0\0\0\0\0\0\0{}")
     elif damage == "other size":
         config = json.loads((folder / CONFIG).read_text())
         config["checkpoint_seconds"] = 5.0

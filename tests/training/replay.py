@@ -98,4 +98,4 @@ def begin(races: RaceState, starts: RaceState, race: int, entry: int) -> None:
 
 def numpy_copy(races: RaceState) -> RaceState:
     """The same in arrays that can be written to."""
-    return jax.tree.map(lambda x: np.array(x), races)
+    return jax.tree.map(np.array, races)

@@ -31,10 +31,11 @@ TINY = TrainConfig(
     opponents=SelfPlayConfig(evaluate_every=4 * PER_UPDATE, evaluation_races=RACES, evaluation_steps=30, patience=1),
 )
 # The same from the command line.
-TINY_FLAGS = (
+_FLAGS = (
     "--drones 2 --step-scale 0.0012 --episode-steps 24 --races 64 --rollout-steps 16 --minibatches 4 --hidden 16 16 "
     "--evaluate-every 4096 --evaluation-races 64 --evaluation-steps 30 --patience 1"
-).split()
+)
+TINY_FLAGS = _FLAGS.split()
 UPDATES = 46  # 40 M steps * 0.0012 / 1024
 
 

@@ -39,7 +39,7 @@ def test_equals_the_recursion(gamma, lam):
 
 
 def test_by_hand():
-    """gamma = lambda = 1/2, rewards 1 2 3, values 4 2 6, 8 beyond the end; the second race crashes in its second step."""
+    """gamma = lambda = 1/2, rewards 1 2 3, values 4 2 6, 8 beyond the end; race 1 crashes in step 1."""
     reward, value = np.tile([[1.0], [2.0], [3.0]], 2), np.tile([[4.0], [2.0], [6.0]], 2)
     terminated = np.array([[0, 0], [0, 1], [0, 0]])
     found = advantages(experience_of(reward, value, terminated, [8.0, 8.0]), 0.5, 0.5)

@@ -1,5 +1,6 @@
 """The win rate, who is replaced when, and evaluations against a race flown step by step."""
 
+import itertools
 from dataclasses import replace
 
 import equinox as eqx
@@ -161,7 +162,7 @@ def test_evaluations_of_a_run_are_against_the_newest_opponents():
     """And each on starts of its own, a function of the seed and the update."""
     trainer, run = tiny_trainer(), whole_run()
     checked = 0
-    for before, now in zip(run, run[1:], strict=False):
+    for before, now in itertools.pairwise(run):
         if now.score is None or now.opponents_replaced:
             continue
         key = jax.random.fold_in(jax.random.key(TINY.seed + 1), now.state.updates)

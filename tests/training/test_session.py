@@ -37,6 +37,13 @@ def train(session: Session, updates: int | None = None) -> None:
         pass
 
 
+def train_with_ctrl_c(session: Session, update: int, times: int = 1) -> None:
+    """Ctrl-C while the caller looks at that update."""
+    for progress in session:
+        for _ in range(times if int(progress.state.updates) == update else 0):
+            signal.raise_signal(signal.SIGINT)
+
+
 def rows_of(session: Session) -> list[dict]:
     """Everything logged but the clock."""
     return [{k: v for k, v in row.items() if k != "seconds"} for row in read_metrics(session.folder)]
@@ -149,9 +156,7 @@ def test_ctrl_c_saves_and_says_how_to_go_on(open_session):
     session = open_session()
     before = signal.getsignal(signal.SIGINT)
     with pytest.raises(Interrupted) as stop:
-        for progress in session:
-            if int(progress.state.updates) == 5:
-                signal.raise_signal(signal.SIGINT)
+        train_with_ctrl_c(session, update=5)
     assert str(stop.value) == f"stopped after 5,120 steps; go on with: cruise train --resume {session.folder}"
     assert signal.getsignal(signal.SIGINT) == before
     resumed = open_session(resume=True)
@@ -163,11 +168,9 @@ def test_ctrl_c_saves_and_says_how_to_go_on(open_session):
 def test_the_second_ctrl_c_acts_at_once(open_session):
     session = open_session()
     with pytest.raises(KeyboardInterrupt) as stop:
-        for _ in session:
-            signal.raise_signal(signal.SIGINT)
-            signal.raise_signal(signal.SIGINT)
+        train_with_ctrl_c(session, update=3, times=2)
     assert not isinstance(stop.value, Interrupted)
-    assert saved_updates(session.folder) == 1
+    assert saved_updates(session.folder) == 1  # the end of the first stage
 
 
 def test_the_command_to_go_on_can_be_pasted(open_session, tmp_path):

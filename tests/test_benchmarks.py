@@ -1,0 +1,160 @@
+"""The benchmarks count and report correctly. How fast anything is, no test says."""
+
+import io
+import json
+import math
+from pathlib import Path
+
+import jax
+import numpy as np
+import pytest
+from rich.console import Console
+
+from benchmarks import environment, headline
+from benchmarks.__main__ import rounded
+from benchmarks.environment import EnvironmentCase, that_fit
+from benchmarks.machine import LEAST_ROUNDS, interleave, peak_memory_mb, rates
+from benchmarks.report import show
+from benchmarks.startup import CommandRun, Start, run_command
+from benchmarks.training import environment_flop, train_flop, trainer_flop
+from cruise.config import PPOConfig, TrainConfig
+from cruise.presets import TRACKS, VEHICLES
+from cruise.training.experience import ACTIVE
+from cruise.training.trainer import Trainer
+
+TINY = PPOConfig(races=4, rollout_steps=4, epochs=2, minibatches=2, hidden=(8, 4))
+KEYS = {
+    "env_drone_steps_per_s",
+    "env_drone_steps_per_s_100k_races",
+    "train_steps_per_s",
+    "train_roofline_share",
+    "matmul_gflops",
+    "flop_per_train_step",
+    "compile_s",
+    "warm_start_s",
+    "peak_memory_mb",
+    "machine",
+    "versions",
+    "cores",
+}
+
+
+def test_flop_formula_against_a_count_by_hand():
+    ppo = PPOConfig(rollout_steps=2, epochs=2, hidden=(4, 3))
+    flop = train_flop(observation_size=5, action_size=2, drones=3, ppo=ppo)
+    actor, critic = 2 * (5 * 4 + 4 * 3 + 3 * 2), 2 * (5 * 4 + 4 * 3 + 3 * 1)  # 76, 70
+    assert flop.acting == actor + critic + critic / 2
+    assert flop.opponents == 2 * actor
+    # Per epoch: forward, gradients of all weights, gradients of the inputs of the second and third layer.
+    inputs = 2 * (4 * 3 + 3 * 2) + 2 * (4 * 3 + 3 * 1)
+    assert flop.learning == 2 * (2 * (actor + critic) + inputs)
+    assert flop.total == 181 + 152 + 716
+
+
+def products(jaxpr: jax.extend.core.Jaxpr) -> int:
+    """Operations of every matrix product that a program makes, loops unrolled, the cheapest branch taken."""
+    total = 0
+    for equation in jaxpr.eqns:
+        inner = [products(sub) for sub in jax.core.jaxprs_in_params(equation.params)]
+        if equation.primitive.name == "dot_general":
+            (contracted, _), _ = equation.params["dimension_numbers"]
+            length = math.prod(equation.invars[0].aval.shape[axis] for axis in contracted)
+            total += 2 * length * math.prod(equation.outvars[0].aval.shape)
+        elif equation.primitive.name == "cond":
+            total += min(inner)
+        else:
+            total += equation.params.get("length", 1) * sum(inner)
+    return total
+
+
+@pytest.mark.parametrize("drones", [1, 3])
+def test_flop_formula_against_the_program(drones):
+    trainer = Trainer(TrainConfig(drones=drones, ppo=TINY), TRACKS["ring"], VEHICLES["paper"])
+    rules = trainer.rules_of(trainer.phases[-1])
+    program = jax.make_jaxpr(trainer.update)(trainer.state_shape(), rules, np.bool_(False))
+    assert products(program.jaxpr) == trainer_flop(trainer).total * trainer.steps_per_update
+
+
+def test_environment_flop_is_per_race():
+    trainer = Trainer(TrainConfig(drones=2, ppo=TINY), TRACKS["ring"], VEHICLES["paper"])
+    rules = trainer.rules_of(trainer.phases[-1])
+    few, many = (environment_flop(trainer.env, rules, races) for races in (8, 32))
+    assert few == pytest.approx(many, rel=0.05)
+    assert 100 < few < 100_000
+
+
+def test_races_of_the_environment_benchmark_begin_again_from_the_pool():
+    case = EnvironmentCase(races=16, drones=1)
+    assert case.work == 16 * case.steps
+    case()
+    races = case.carried
+    age = np.asarray(races.state.step)
+    assert np.isfinite(races.reward).all()
+    assert np.isfinite(races.observation).all()
+    assert (1 <= age).all()
+    assert (age <= case.steps).all()
+    np.testing.assert_array_equal(races.state.out[ACTIVE], races.restart)  # who is out does not fly on
+    assert races.restarts >= (age < case.steps).sum()
+    case()
+    assert (np.asarray(case.carried.state.step) <= 2 * case.steps).all()
+
+
+def test_as_many_races_as_memory_lets(monkeypatch):
+    needed = environment.memory_needed_mb(64, 2)
+    monkeypatch.setattr(environment, "available_memory_mb", lambda: 2 * 5.5 * needed)
+    assert environment.memory_needed_mb(256, 2) == pytest.approx(4 * needed)
+    assert that_fit((256, 64, 1024), drones=2) == (64, 256)
+
+
+class Counted:
+    """A case that does nothing and remembers when."""
+
+    work = 3.0
+
+    def __init__(self, calls, name):
+        self.calls, self.name = calls, name
+
+    def __call__(self):
+        self.calls.append(self.name)
+
+
+def test_cases_take_turns():
+    calls = []
+    cases = {name: Counted(calls, name) for name in "ab"}
+    taken = interleave(cases, rounds=5, seconds=60.0)
+    assert "".join(calls) == "ab" * 6  # a first round that is not counted
+    assert {name: len(times) for name, times in taken.items()} == {"a": 5, "b": 5}
+    assert rates(cases, {"a": [1.0, 3.0, 2.0], "b": [1.0]}) == {"a": 1.5, "b": 3.0}
+    assert len(interleave(cases, rounds=5, seconds=0.0)["a"]) == LEAST_ROUNDS
+
+
+def test_headline_has_every_key(monkeypatch, tmp_path):
+    monkeypatch.setattr(headline, "start_training", lambda cache: Start(9.0, 8.0, 700.0))
+    monkeypatch.setattr(headline, "run_command", lambda cache, *arguments: CommandRun(4.0, 400.0))
+    sizes = headline.Sizes(TrainConfig(drones=1, ppo=TINY), few=8, many=8, products=(8, 16))
+    figures = headline.headline(headline.Effort(3, 0.0, 2), tmp_path, lambda line: None, sizes)
+    assert figures.keys() >= KEYS
+    assert figures["train_roofline_share"] == pytest.approx(
+        figures["train_steps_per_s"] * figures["flop_per_train_step"] / (figures["matmul_gflops"] * 1e9)
+    )
+    assert (figures["compile_s"], figures["warm_start_s"], figures["peak_memory_mb"]) == (8.0, 9.0, 700.0)
+    assert json.loads(json.dumps(rounded(figures), allow_nan=False)).keys() == figures.keys()
+
+    tables = {"evaluations": [{"drones": 2, "pilot": "chaser", "races_per_s": 12345.678, "hidden": (64, 64)}]}
+    out = io.StringIO()
+    show(figures | {"tables": tables}, Console(file=out, width=120))
+    assert "12,346" in out.getvalue()
+    assert "64-64" in out.getvalue()
+
+
+def test_rounded_keeps_what_json_can_say():
+    assert rounded({"a": [1.23456789, float("nan")], "b": (1, "x", None)}) == {"a": [1.2346, None], "b": [1, "x", None]}
+
+
+def test_a_command_in_a_process_of_its_own(tmp_path: Path):
+    run = run_command(tmp_path, "tracks", "list")
+    assert run.total_s > 0
+    assert 10 < run.peak_memory_mb < 2000
+    assert peak_memory_mb() > 10
+    with pytest.raises(RuntimeError, match="unknown command"):
+        run_command(tmp_path, "fly")
