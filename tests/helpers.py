@@ -1,10 +1,15 @@
 """Small things that tests of several folders share."""
 
+import functools
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from cruise.config import Gate, Track
+
+# Compiled without LLVM's optimisations: half the time to compile, for functions whose logic is tested on little data.
+quick_jit = functools.partial(jax.jit, compiler_options={"xla_backend_optimization_level": 0})
 
 
 def leaves(tree: object) -> list[np.ndarray]:

@@ -89,15 +89,15 @@ class RewardWeights:
     w_prox: float = 0.0
     proximity_decay: float = 2.0  # a
     proximity_range: float = 10.0  # x = distance / range [m]
-    w_prog: float = 0.6
+    w_prog: float = 0.45
     progress_scale: float = 2.5  # beta [1/m]
     progress_to: Literal["opening", "centre"] = "opening"  # where the distance of prox and prog ends
     w_align: float = 0.02
     w_speed: float = 0.005
     overtake_sign: Literal["fixed", "paper"] = "fixed"
     overtake_range: float = 3.0  # overtaking counts against opponents nearer than this [m]
-    gate_bonus: float = 5.0  # reward of the step that passes a gate, in place of the terms of flight
-    w_edge: float = 20.0  # per metre that a crossing lies outside the opening shrunk by `edge_margin`
+    gate_bonus: float = 10.0  # reward of the step that passes a gate, in place of the terms of flight
+    w_edge: float = 40.0  # per metre that a crossing lies outside the opening shrunk by `edge_margin`
     edge_margin: float = 0.2  # [m]
     w_near: float = 0.5  # per metre that the nearest opponent is closer than `near_distance`
     near_distance: float = 1.2  # [m]

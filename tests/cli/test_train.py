@@ -228,13 +228,11 @@ BAD_INPUT = {
     "episodes": ("--episodes 0", "--episodes must be between 1 and 1000000, not 0"),
     "too many episodes": ("--episodes 2000000", "--episodes must be between 1 and 1000000, not 2000000"),
     "nothing to resume": ("--resume nowhere", "nowhere: no run to resume here, config.json is missing"),
-    "no run in the folder": ("--resume .", "no run to resume here, config.json is missing"),
-}
-NO_SUCH_FLAG = {
     "unknown flag": ("--bogus 1", "--bogus"),
     "no number": ("--drones two", "two"),
     "no choice": ("--observation papre", "papre"),
-    "no value": ("--gamma", "gamma"),
+    "no value": ("--gamma", "--gamma"),
+    "no run in the folder": ("--resume .", "no run to resume here, config.json is missing"),
 }
 
 
@@ -249,14 +247,14 @@ def refused(tmp_path, monkeypatch, capsys) -> Callable[..., str]:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(session_module, "Trainer", shared_trainer)
 
-    def refuse(*arguments: str, lines: int = 1) -> str:
+    def refuse(*arguments: str) -> str:
         before = tree(tmp_path)
         code = main(["train", *arguments])
         captured = capsys.readouterr()
         assert code == 2
         assert captured.out == ""
         assert "Traceback" not in captured.err
-        assert lines == 0 or captured.err.count("\n") == lines
+        assert captured.err.count("\n") == 1
         assert tree(tmp_path) == before
         return captured.err
 
@@ -270,12 +268,6 @@ def test_bad_input_gives_one_line_and_leaves_nothing(case, refused):
     error = refused(*arguments.split())
     assert error.startswith("error: ")
     assert expected in error
-
-
-@pytest.mark.parametrize("case", NO_SUCH_FLAG)
-def test_flags_that_do_not_exist_are_named(case, refused):
-    arguments, expected = NO_SUCH_FLAG[case]
-    assert expected in refused(*arguments.split(), lines=0)
 
 
 def test_a_folder_that_cannot_be_written(refused):
@@ -363,7 +355,7 @@ def test_ctrl_c_while_the_policy_is_measured(open_session, monkeypatch, capsys):
     def interrupt(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("cruise.api.finish_run", interrupt)
+    monkeypatch.setattr("cruise.api_training.finish_run", interrupt)
     assert main(["train", "--resume", str(session.folder)]) == 130
     assert capsys.readouterr().err == f"error: interrupted; go on with: cruise train --resume {session.folder}\n"
 

@@ -14,7 +14,7 @@ from cruise.env.race_env import RaceEnv, make_race_env
 from cruise.env.types import RaceState, Rules, StepOutcome, race_rules, stage_rules
 from cruise.presets import CURRICULUM, REWARDS, TRACKS, VEHICLES
 from cruise.racing.course import Course
-from tests.helpers import arrays
+from tests.helpers import arrays, quick_jit
 
 RING, EIGHT, PAPER = TRACKS["ring"], TRACKS["figure-eight"], VEHICLES["paper"]
 RANDOM_RACES = 100
@@ -24,10 +24,10 @@ RANDOM_RACES = 100
 def race_env(drones: int, track: Track = RING, reward: RewardWeights = REWARDS["default"]) -> RaceEnv:
     """An environment of the paper's vehicle with compiled functions."""
     env = make_race_env(track, drones, PAPER, reward=reward)
-    reset = jax.jit(env.reset, static_argnames=("batch", "gate"))
-    observe_as = {kind: jax.jit(function) for kind, function in env.observe_as.items()}
-    decode_as = {kind: jax.jit(function) for kind, function in env.decode_as.items()}
-    env = env._replace(reset=reset, step=jax.jit(env.step), observe_as=observe_as, decode_as=decode_as)
+    reset = quick_jit(env.reset, static_argnames=("batch", "gate"))
+    observe_as = {kind: quick_jit(function) for kind, function in env.observe_as.items()}
+    decode_as = {kind: quick_jit(function) for kind, function in env.decode_as.items()}
+    env = env._replace(reset=reset, step=quick_jit(env.step), observe_as=observe_as, decode_as=decode_as)
     return env._replace(observe=observe_as["extended"], decode=decode_as["extended"])
 
 
@@ -102,7 +102,7 @@ class Recorded(NamedTuple):
 
 def record(env: RaceEnv, state: RaceState, actions: np.ndarray, rules: Rules) -> Recorded:
     """Fly given actions [T, 3, N, *B]; leaves come back as NumPy arrays [T, ...]."""
-    return jax.tree.map(np.asarray, _player(env.step)(state, jnp.asarray(actions), rules))
+    return jax.tree.map(np.asarray, _player(env.step.__wrapped__)(state, jnp.asarray(actions), rules))
 
 
 @functools.cache
@@ -111,7 +111,7 @@ def _player(step: Callable) -> Callable[..., Recorded]:
         then, outcome = step(now, action, rules)
         return then, Recorded(now, action, then, outcome)
 
-    return jax.jit(lambda start, actions, rules: jax.lax.scan(lambda s, a: advance(s, a, rules), start, actions)[1])
+    return quick_jit(lambda start, actions, rules: jax.lax.scan(lambda s, a: advance(s, a, rules), start, actions)[1])
 
 
 def fly_to_gates(
@@ -120,7 +120,7 @@ def fly_to_gates(
     """A plain pilot: aims a little beyond the next gate and holds a speed [m/s]; noise makes it stray."""
     shape = (steps, *state.drones.position_w.shape)
     stray = jnp.asarray(noise * np.random.default_rng(0).normal(size=shape), jnp.float32)
-    return jax.tree.map(np.asarray, _pilot(env.step)(env.course, state, stray, jnp.asarray(speed), rules))
+    return jax.tree.map(np.asarray, _pilot(env.step.__wrapped__)(env.course, state, stray, jnp.asarray(speed), rules))
 
 
 @functools.cache
@@ -139,4 +139,4 @@ def _pilot(step: Callable) -> Callable[..., Recorded]:
 
         return jax.lax.scan(advance, start, stray)[1]
 
-    return jax.jit(fly)
+    return quick_jit(fly)

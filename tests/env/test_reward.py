@@ -16,6 +16,7 @@ from cruise.presets import CURRICULUM, REWARDS
 from cruise.racing.gates import Crossing
 from tests.env import paper_reference as paper
 from tests.env.races import RING, rules_of
+from tests.helpers import quick_jit
 
 DRONES, RACES = 4, 60
 STAGE = CURRICULUM[-1]
@@ -52,7 +53,9 @@ def components_of(weights: RewardWeights, step: dict[str, np.ndarray], rules: ob
         return reward_components(weights, rules, motion, s["nearest"], s["collided"], s["flying"])
 
     arrays = {k: jnp.asarray(v, bool if v.dtype == bool else jnp.float32) for k, v in step.items()}
-    return {k: np.asarray(v) for k, v in jax.jit(compute)(arrays, rules_of(STAGE) if rules is None else rules).items()}
+    return {
+        k: np.asarray(v) for k, v in quick_jit(compute)(arrays, rules_of(STAGE) if rules is None else rules).items()
+    }
 
 
 def each_drone(step: dict[str, np.ndarray], formula: object) -> np.ndarray:
@@ -144,7 +147,7 @@ def test_a_drone_at_rest_is_not_misaligned() -> None:
 
 @functools.cache
 def _total(weights: RewardWeights) -> Callable[..., jax.Array]:
-    return jax.jit(functools.partial(total_reward, weights))
+    return quick_jit(functools.partial(total_reward, weights))
 
 
 def total(weights: RewardWeights, components: dict, passed: object, offset: object, ended: object) -> np.ndarray:

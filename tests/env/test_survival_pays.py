@@ -17,6 +17,7 @@ from cruise.env.reward import Motion, Target, reward_components, total_reward
 from cruise.presets import CURRICULUM, REWARDS
 from cruise.racing.gates import Crossing
 from tests.env.races import EIGHT, PAPER, RING, Recorded, fly_to_gates, lined_up, race_env, record, rules_of
+from tests.helpers import quick_jit
 
 GAMMA, DT = PPOConfig().gamma, PAPER.control_dt
 HORIZON = 2000  # steps; what comes later is discounted to 1e-8
@@ -63,7 +64,7 @@ def _reward(weights: RewardWeights) -> Callable[..., jax.Array]:
         components = reward_components(weights, rules, motion, zero + jnp.inf, none, ~none)
         return total_reward(weights, components, Crossing(passed, none, none, zero, zero + offset), none)
 
-    return jax.jit(compute)
+    return quick_jit(compute)
 
 
 def returns(rewards: np.ndarray) -> np.ndarray:

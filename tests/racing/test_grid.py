@@ -10,7 +10,7 @@ from cruise.config import Track
 from cruise.presets import TRACKS
 from cruise.racing.course import make_course
 from cruise.racing.grid import LANES, MIN_HEIGHT, Start, start_grid
-from tests.helpers import random_track
+from tests.helpers import quick_jit, random_track
 
 ALL_TRACKS = [*TRACKS.values(), random_track(7)]
 # Grids know gates alone, so one long row of all tracks' gates is drawn from at once.
@@ -22,7 +22,7 @@ DRAWS = 6000
 
 @functools.cache
 def _starter(drones: int) -> object:
-    return jax.jit(lambda key: start_grid(COURSE, key, drones, (DRAWS,)))
+    return quick_jit(lambda key: start_grid(COURSE, key, drones, (DRAWS,)))
 
 
 @functools.cache
@@ -90,7 +90,7 @@ def test_every_gate_is_drawn_equally() -> None:
 
 
 def test_a_chosen_gate_is_kept_and_one_race_needs_no_batch_axis() -> None:
-    start = jax.jit(lambda key: start_grid(COURSE, key, 3, gate=7))(jax.random.key(0))
+    start = quick_jit(lambda key: start_grid(COURSE, key, 3, gate=7))(jax.random.key(0))
     assert start.position_w.shape == (3, 3)
     assert start.heading.shape == (3,)
     assert int(start.gate) == 7

@@ -5,6 +5,7 @@ import json
 import shutil
 import signal
 import threading
+import time
 from types import SimpleNamespace
 
 import numpy as np
@@ -139,7 +140,9 @@ def test_a_new_folder_holds_a_checkpoint_before_it_holds_a_configuration(open_se
 def test_checkpoints_are_never_older_than_the_interval(open_session, monkeypatch):
     """By a clock that ticks 0.7 s at every look: at any update less than the interval and one update are unsaved."""
     clock = itertools.count(step=0.7)
-    monkeypatch.setattr(session_module, "time", SimpleNamespace(monotonic=lambda: next(clock)))
+    monkeypatch.setattr(
+        session_module, "time", SimpleNamespace(monotonic=lambda: next(clock), time=time.time, time_ns=time.time_ns)
+    )
     session = open_session(seconds=5.0)
     saved = 0
     for progress in session:

@@ -12,7 +12,9 @@ from typing import Any
 
 import jax
 import numpy as np
-from tensorboardX import SummaryWriter
+from tensorboardX.event_file_writer import EventsWriter
+from tensorboardX.proto.event_pb2 import Event, SessionLog
+from tensorboardX.proto.summary_pb2 import Summary
 
 from cruise import __version__
 from cruise.config import Track, TrainConfig, Vehicle
@@ -35,7 +37,11 @@ class Interrupted(KeyboardInterrupt):
 
 
 class MetricsLog:
-    """`metrics.jsonl` and TensorBoard, one row per update, cut back to the checkpoint when a run resumes."""
+    """`metrics.jsonl` and TensorBoard, one row per update, cut back to the checkpoint when a run resumes.
+
+    TensorBoard's events are written here and now: the library's own `SummaryWriter` hands them, number by number, to
+    a thread that lags behind, and what it had not written when the process was killed would never be.
+    """
 
     def __init__(self, folder: Path, updates: int) -> None:
         """Open both logs and drop rows after update number `updates`."""
@@ -43,19 +49,20 @@ class MetricsLog:
         kept = [row for row in read_metrics(folder) if row["update"] <= updates]
         write_atomically(self.path, "".join(json.dumps(row) + "\n" for row in kept).encode())
         self._file = self.path.open("a")
-        last_steps = kept[-1]["steps"] if kept else 0
-        self._board = SummaryWriter(str(folder / TENSORBOARD), purge_step=last_steps + 1)
+        (folder / TENSORBOARD).mkdir(exist_ok=True)
+        self._board = EventsWriter(str(folder / TENSORBOARD / "events"), f".{time.time_ns()}")
+        first = kept[-1]["steps"] + 1 if kept else 0  # TensorBoard forgets what older files hold from here on
+        self._board.write_event(Event(step=first, session_log=SessionLog(status=SessionLog.START)))
 
     def add(self, row: dict[str, Any]) -> None:
         """Append one row; it reaches the disk at once."""
         self._file.write(json.dumps(row) + "\n")
         self._file.flush()
-        for name, value in row.items():
-            if isinstance(value, float) and np.isfinite(value):
-                self._board.add_scalar(name, value, row["steps"])
+        numbers = [Summary.Value(tag=k, simple_value=v) for k, v in row.items() if isinstance(v, float)]
+        self._board.write_event(Event(wall_time=time.time(), step=row["steps"], summary=Summary(value=numbers)))
 
     def flush(self) -> None:
-        """Bring to the disk what TensorBoard still buffers: a resumed run does not log it again."""
+        """Bring to the disk what is still buffered: a run that resumes does not log it again."""
         self._board.flush()
 
     def close(self) -> None:
