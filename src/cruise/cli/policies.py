@@ -29,8 +29,8 @@ class Policies:
 
 def policy_table(policies: "dict[str, PolicyMeta]") -> Table:
     """One row per policy."""
-    titles = ("drones", "steps", "seed", "success", "lap", "speed")
-    table = Table("policy", "track", *(Column(title, justify="right") for title in titles), "observation", "version")
+    titles = ("steps", "seed", "success", "lap", "speed")
+    table = Table("policy", *(Column(title, justify="right") for title in titles), "version")
     for name, meta in policies.items():
         success, lap, speed = (measured(meta, key) for key in ("success_rate", "flying_lap_time", "mean_speed"))
         results = (
@@ -38,8 +38,8 @@ def policy_table(policies: "dict[str, PolicyMeta]") -> Table:
             "-" if lap is None else f"{lap:.2f} s",
             "-" if speed is None else f"{speed:.2f} m/s",
         )
-        numbers = (str(meta.drones), f"{meta.steps / 1e6:.1f} M", str(meta.seed), *results)
-        table.add_row(escape(name), escape(meta.track), *numbers, meta.observation, escape(meta.version))
+        numbers = (f"{meta.steps / 1e6:.1f} M", str(meta.seed), *results)
+        table.add_row(escape(name), *numbers, escape(meta.version))
     return table
 
 
