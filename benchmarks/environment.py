@@ -108,8 +108,9 @@ def memory_needed_mb(races: int, drones: int) -> float:
 def that_fit(races: tuple[int, ...], drones: int = 4) -> tuple[int, ...]:
     """Those numbers of races of which all cases together take at most half of the memory left."""
     fitting: list[int] = []
+    needed = 0.0
     for number in sorted(races):
-        needed = sum(memory_needed_mb(n, drones) for n in [*fitting, number])
+        needed += memory_needed_mb(number, drones)
         if needed <= available_memory_mb() / 2:
             fitting.append(number)
     return tuple(fitting)

@@ -3,6 +3,7 @@
 import io
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import jax
@@ -18,12 +19,12 @@ from benchmarks.machine import LEAST_ROUNDS, interleave, peak_memory_mb, rates
 from benchmarks.report import show
 from benchmarks.startup import CommandRun, Start, run_command
 from benchmarks.training import environment_flop, train_flop, trainer_flop
-from cruise.config import PPOConfig, TrainConfig
+from cruise.config import PPOConfig
 from cruise.presets import TRACKS, VEHICLES
 from cruise.training.experience import ACTIVE
 from cruise.training.trainer import Trainer
+from tests.training.runs import TINY
 
-TINY = PPOConfig(races=4, rollout_steps=4, epochs=2, minibatches=2, hidden=(8, 4))
 KEYS = {
     "env_drone_steps_per_s",
     "env_drone_steps_per_s_100k_races",
@@ -70,7 +71,7 @@ def products(jaxpr: jax.extend.core.Jaxpr) -> int:
 
 
 def test_flop_counted_against_the_program():
-    trainer = Trainer(TrainConfig(drones=3, ppo=TINY), TRACKS["ring"], VEHICLES["paper"])
+    trainer = Trainer(replace(TINY, drones=3), TRACKS["ring"], VEHICLES["paper"])
     rules = trainer.rules_of(trainer.phases[-1])
     program = jax.make_jaxpr(trainer.update)(trainer.state_shape(), rules, np.bool_(False))
     assert products(program.jaxpr) == trainer_flop(trainer).total * trainer.steps_per_update
@@ -128,7 +129,7 @@ def test_headline_has_every_key(monkeypatch, tmp_path):
     monkeypatch.setattr(headline, "start_training", lambda cache: Start(9.0, 8.0, 700.0))
     monkeypatch.setattr(headline, "run_command", lambda cache, *arguments: CommandRun(4.0, 400.0))
     monkeypatch.setattr(headline, "EnvironmentCase", lambda races, drones: Counted([], "environment"))
-    sizes = headline.Sizes(TrainConfig(drones=1, ppo=TINY), few=8, many=8, products=(8, 16))
+    sizes = headline.Sizes(TINY, few=8, many=8, products=(8, 16))
     figures = headline.headline(headline.Effort(3, 0.0, 2), tmp_path, lambda line: None, sizes)
     assert figures.keys() >= KEYS
     assert figures["train_roofline_share"] == pytest.approx(

@@ -6,7 +6,7 @@ import numpy as np
 
 from cruise.config import Gate, Track
 
-SAMPLES = 4001
+SAMPLES = 2001
 
 
 @dataclass

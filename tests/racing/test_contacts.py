@@ -32,11 +32,11 @@ def sampled_distance(start0: np.ndarray, end0: np.ndarray, start1: np.ndarray, e
 
 
 def test_closest_approach_is_the_minimum_within_the_step() -> None:
-    pairs = random_pairs(1500)
+    pairs = random_pairs(600)
     expected = sampled_distance(*(p.astype(np.float64) for p in pairs))
     np.testing.assert_allclose(approach(*pairs), expected, atol=5e-3)
     ends = np.minimum(np.linalg.norm(pairs[0] - pairs[2], axis=0), np.linalg.norm(pairs[1] - pairs[3], axis=0))
-    assert (expected < ends - 0.3).sum() > 100  # drones that come near between two samples occur
+    assert (expected < ends - 0.3).sum() > 40  # drones that come near between two samples occur
 
 
 def test_closest_approach_symmetries() -> None:

@@ -16,7 +16,7 @@ from tests.racing.oracle import SAMPLES, Segments, axes, meet, random_segments
 
 RING = TRACKS["ring"]
 ALL_TRACKS = {**TRACKS, "random": random_track(1)}
-COUNT = 800
+COUNT = 600
 referee = jax.jit(cross_gates)
 
 
