@@ -2,6 +2,7 @@
 
 import copy
 import functools
+import itertools
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -17,7 +18,7 @@ from cruise.pilots.network import ActorCritic
 from cruise.presets import TRACKS, VEHICLES
 from cruise.storage.checkpoint import load_meta
 from cruise.training import session
-from cruise.training.session import Session
+from cruise.training.session import Session, read_metrics
 from cruise.training.trainer import Progress, Trainer
 
 RACES, STEPS = 64, 16
@@ -104,3 +105,22 @@ def moving(races: RaceState, seed: int) -> RaceState:
     thrown[2] -= 5.0
     thrown = jnp.asarray(thrown, jnp.float32)
     return races._replace(drones=races.drones._replace(body=body._replace(velocity_w=thrown)))
+
+
+def train(session: Session, updates: int | None = None) -> None:
+    """Train to the end, or for so many updates and then drop everything, as a crash would."""
+    for _ in itertools.islice(session, updates):
+        pass
+
+
+def rows_of(session: Session) -> list[dict]:
+    """Everything logged but the clock."""
+    return [{k: v for k, v in row.items() if k != "seconds"} for row in read_metrics(session.folder)]
+
+
+@pytest.fixture
+def uninterrupted(open_session: Callable[..., Session], tmp_path: Path) -> Session:
+    """A run to its end."""
+    session = open_session(folder=tmp_path / "uninterrupted")
+    train(session)
+    return session

@@ -14,7 +14,7 @@ from cruise.training import session as session_module
 from cruise.training.session import read_metrics
 from cruise.training.trainer import TrainingDiverged
 from cruise.training.types import TrainState
-from tests.training.runs import bits, open_session, shared_trainer, tiny_trainer, whole_run
+from tests.training.runs import bits, open_session, saved_updates, shared_trainer, tiny_trainer, whole_run
 
 __all__ = ["open_session"]  # a fixture
 
@@ -109,3 +109,15 @@ def test_the_command_says_it_in_one_line_and_fails(open_session, monkeypatch, ca
     assert f"the last good checkpoint is {session.folder / CURRENT}" in error
     assert not (session.folder / "policy.safetensors").exists()
     assert int(load_checkpoint(session.folder, session.trainer.state_shape())[0].updates) == 8
+
+
+def test_an_absurd_learning_rate_is_told_in_one_line(tmp_path, capsys):
+    flags = "--drones 1 --races 4 --rollout-steps 4 --minibatches 1 --epochs 1 --hidden 4 --step-scale 0.00002"
+    folder = tmp_path / "run"
+    assert main(["train", *flags.split(), "--learning-rate", "1e30", "--out", str(folder)]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith("error: training diverged: ")
+    assert error.endswith(f"; the last good checkpoint is {folder / CURRENT}\n")
+    assert error.count("\n") == 1
+    assert saved_updates(folder) == 0
+    assert read_metrics(folder) == []
