@@ -41,9 +41,8 @@ class RaceEnv(NamedTuple):
 
 
 def _detect_collisions(
-    env_course: Course,
+    course: Course,
     dynamics: Dynamics,
-    drones_before: Array,
     drones: DroneState,
     hit_frame: Array,
     nearest: Array,
@@ -55,7 +54,7 @@ def _detect_collisions(
         drone=nearest < rules.collision_distance,
         ground=on_ground(position),
         gate_frame=hit_frame,
-        bounds=out_of_bounds(env_course, position),
+        bounds=out_of_bounds(course, position),
         flip=(jnp.abs(roll) > FLIP_ANGLE) | (jnp.abs(pitch) > FLIP_ANGLE),
     )
 
@@ -94,7 +93,7 @@ def make_race_env(
         crossing = cross_gates(course, start_w, end_w, state.next_gate, rules.gate_tolerance)
         crossing = crossing._replace(passed=once(crossing.passed & airborne))
         nearest = nearest_opponent(start_w, end_w, airborne)
-        collisions = _detect_collisions(course, dynamics, start_w, drones, crossing.hit_frame, nearest, rules)
+        collisions = _detect_collisions(course, dynamics, drones, crossing.hit_frame, nearest, rules)
         collisions = Collisions(*(hit & airborne for hit in collisions))
 
         solid = once(collisions.drone | collisions.ground | collisions.gate_frame)
