@@ -30,7 +30,7 @@ class Effort(NamedTuple):
     starts: int  # processes started cold, and as many warm
 
 
-QUICK = Effort(rounds=10, seconds=6.0, starts=1)
+QUICK = Effort(rounds=10, seconds=4.0, starts=1)
 FULL = Effort(rounds=15, seconds=30.0, starts=3)
 
 
