@@ -1,9 +1,11 @@
 """The environment alone: random actions, observation, reward and auto-reset, as training resets."""
 
+import math
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from benchmarks.machine import available_memory_mb
@@ -11,13 +13,13 @@ from cruise.config import ObservationKind
 from cruise.env.race_env import RaceEnv, make_race_env
 from cruise.env.types import RaceState, Rules, stage_rules
 from cruise.presets import CURRICULUM, TRACKS, VEHICLES
-from cruise.racing.grid import start_grid
+from cruise.racing.grid import Start, start_grid
 from cruise.training.experience import ACTIVE, begin_again
 
 TRACK = "ring"
 EPISODE_STEPS = 600
 COLLISION_DISTANCE = 0.5  # as in training [m]
-MOST_STEPS, LEAST_STEPS = 64, 8  # per call
+MOST_STEPS, LEAST_STEPS = 64, 4  # per call
 DRONE_STEPS = 2**21  # per call, about
 STRIDE = 16  # by which the block of random actions is shifted from step to step
 
@@ -49,7 +51,8 @@ class EnvironmentCase:
         self.env: RaceEnv = make_race_env(TRACKS[TRACK], drones, VEHICLES["paper"], observation or "extended")
         self.rules: Rules = jax.tree.map(jnp.asarray, stage_rules(CURRICULUM[-1], COLLISION_DISTANCE))
         self._key = jax.random.key(races)
-        self._actions = self._draw_actions()
+        shape = (self.env.dynamics.action_size, drones, races + self.steps * STRIDE)
+        self._actions = jnp.asarray(np.random.default_rng(races).uniform(-1.0, 1.0, shape), jnp.float32)
         self.carried = self._none_begun()
         self._run = jax.jit(self._advance).lower(self.carried, self._actions, self._key).compile()
 
@@ -57,10 +60,6 @@ class EnvironmentCase:
         """Go on with the races for `steps` steps."""
         self._key, key = jax.random.split(self._key)
         self.carried = jax.block_until_ready(self._run(self.carried, self._actions, key))
-
-    def _draw_actions(self) -> Array:
-        shape = (self.env.dynamics.action_size, self.env.num_drones, self.races + self.steps * STRIDE)
-        return jax.random.uniform(self._key, shape, minval=-1.0, maxval=1.0)
 
     def _none_begun(self) -> Races:
         """Empty races that all begin in the first step."""
@@ -70,22 +69,30 @@ class EnvironmentCase:
             reward = jnp.zeros((self.env.num_drones, self.races))
             return Races(state, jnp.zeros(self.races, bool), self._look(state), reward, jnp.int32(0))
 
-        empty = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), jax.eval_shape(first, self._key))
-        return empty._replace(restart=jnp.ones_like(empty.restart))
+        empty = jax.tree.map(
+            lambda leaf: jnp.asarray(np.zeros(leaf.shape, leaf.dtype)), jax.eval_shape(first, self._key)
+        )
+        return empty._replace(restart=jnp.asarray(np.ones(self.races, bool)))
 
     def _look(self, state: RaceState) -> Array | None:
         return None if self.observation is None else self.env.observe(state)
 
+    def _draw_starts(self, key: Array) -> Start:
+        """As many new starts per step as training draws, one per race every 64 steps, repeated to fill the pool."""
+        new = math.ceil(self.races * self.steps / MOST_STEPS)
+        needed = self.races + self.steps
+        drawn = start_grid(self.env.course, key, self.env.num_drones, (new,))
+        times = math.ceil(needed / new)
+        return Start(*(jnp.concatenate([x] * times, axis=-1)[..., :needed] for x in drawn))
+
     def _advance(self, carried: Races, actions: Array, key: Array) -> Races:
-        fresh = start_grid(self.env.course, key, self.env.num_drones, (self.races,))
-        again = min(self.races, self.steps)
-        pool = jax.tree.map(lambda x: jnp.concatenate([x, x[..., :again]], axis=-1), fresh)
+        pool = self._draw_starts(key)
 
         def window(rows: Array, first: Array) -> Array:
             return jax.lax.dynamic_slice_in_dim(rows, first, self.races, axis=-1)
 
         def step(races: Races, t: Array) -> tuple[Races, None]:
-            start = jax.tree.map(lambda x: window(x, t % self.races), pool)
+            start = jax.tree.map(lambda x: window(x, t), pool)
             state = begin_again(races.state, self.env.begin(start), races.restart)
             seen = self._look(state)
             state, outcome = self.env.step(state, window(actions, t * STRIDE), self.rules)

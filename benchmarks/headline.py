@@ -9,14 +9,11 @@ from typing import Any, NamedTuple
 
 from benchmarks.environment import EnvironmentCase
 from benchmarks.machine import MATMUL_SIZES, Case, Matmul, cores, describe_machine, interleave, rates, versions
-from benchmarks.startup import Start, race_command, run_command, start_training
+from benchmarks.startup import Start, start_training
 from benchmarks.training import TrainingCase, environment_flop, trainer_flop
 from cruise.config import TrainConfig
-from cruise.errors import CruiseError
-from cruise.storage.policy_file import shipped_name
 
 DRONES = 4
-TRACK = "ring"
 RACES, MANY_RACES = 4096, 100_000
 
 Say = Callable[[str], None]
@@ -30,16 +27,8 @@ class Effort(NamedTuple):
     starts: int  # processes started cold, and as many warm
 
 
-QUICK = Effort(rounds=10, seconds=4.0, starts=1)
+QUICK = Effort(rounds=10, seconds=3.0, starts=1)
 FULL = Effort(rounds=15, seconds=30.0, starts=3)
-
-
-def pilot_of(drones: int) -> str:
-    """The policy shipped for the ring, or where there is none a pilot that needs no training."""
-    try:
-        return shipped_name(TRACK, drones)
-    except CruiseError:
-        return "chaser"
 
 
 def measure_starts(effort: Effort, cache: Path, say: Say) -> dict[str, Any]:
@@ -59,14 +48,6 @@ def measure_starts(effort: Effort, cache: Path, say: Say) -> dict[str, Any]:
         "warm_start_s": statistics.median(start.total_s for start in warm),
         "peak_memory_mb": max(start.peak_memory_mb for start in cold + warm),
     }
-
-
-def race_memory(cache: Path) -> dict[str, Any]:
-    """Peak memory of `cruise race`, compiling included."""
-    pilot = pilot_of(DRONES)
-    with tempfile.TemporaryDirectory() as folder:
-        race = run_command(cache, *race_command(Path(folder), pilot))
-    return {"race_peak_memory_mb": race.peak_memory_mb, "race_pilot": pilot}
 
 
 class Sizes(NamedTuple):
@@ -124,14 +105,12 @@ def headline(effort: Effort, cache: Path, say: Say, sizes: Sizes = SIZES) -> dic
     """One object with every figure and what is needed to read it."""
     about = {"machine": describe_machine(), "versions": versions(), "cores": cores()}
     starts = measure_starts(effort, cache, say)
-    say("compiling training and the environment; cruise race beside it, for its memory")
+    say("compiling training and the environment")
     with ThreadPoolExecutor() as beside:
-        race = beside.submit(race_memory, cache)
         few, many = (beside.submit(EnvironmentCase, races, sizes.config.drones) for races in (sizes.few, sizes.many))
         training = TrainingCase(sizes.config)
         products = {f"matmul {size}": Matmul(size) for size in sizes.products}
         subjects = Subjects(training, few.result(), many.result(), products)
-        starts |= race.result()
     say("timing training, the environment and matrix products")
     return {**measure_rates(subjects, effort), **starts, "method": METHOD, **about}
 
@@ -139,8 +118,8 @@ def headline(effort: Effort, cache: Path, say: Say, sizes: Sizes = SIZES) -> dic
 METHOD = {
     "statistic": "median over interleaved rounds, the first round not counted; starts: median over fresh processes",
     "environment": f"ring, {DRONES} drones, {RACES} and {MANY_RACES} races, uniform random actions sliced at a varying "
-    "offset from a block drawn beforehand, extended observation, reward, auto-reset from a pool drawn in every call",
+    "offset from a block drawn beforehand, extended observation, reward, auto-reset from a pool of starts",
     "training": f"Trainer.update, ring, {DRONES} drones, last stage, default PPO",
     "flop_per_train_step": "products of the networks only, two operations per weight, nothing counted twice",
-    "peak_memory_mb": "of a process that starts, compiles and trains; race_peak_memory_mb: of `cruise race`",
+    "peak_memory_mb": "the highest of the processes that start, compile and train",
 }

@@ -13,6 +13,7 @@ from typing import Protocol
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from cruise import __version__
 
@@ -35,7 +36,7 @@ class Matmul:
     def __init__(self, size: int) -> None:
         """Compile it for matrices of `size` x `size`."""
         self.work = 2.0 * size**3
-        self._matrix = jax.random.normal(jax.random.key(size), (size, size), jnp.float32)
+        self._matrix = jnp.asarray(np.random.default_rng(size).standard_normal((size, size)), jnp.float32)
         self._product = jax.jit(jnp.matmul).lower(self._matrix, self._matrix).compile()
 
     def __call__(self) -> None:

@@ -19,7 +19,6 @@ LINES = (
     ("training, first update, cold", "cold_start_s", 1.0, "s"),
     ("training, first update, warm", "warm_start_s", 1.0, "s"),
     ("peak memory, training", "peak_memory_mb", 1.0, "MB"),
-    ("peak memory, cruise race", "race_peak_memory_mb", 1.0, "MB"),
 )
 TITLES = {
     "environment_races": "environment over races, 4 drones",

@@ -5,14 +5,16 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
-from benchmarks.environment import EnvironmentCase, that_fit
-from benchmarks.headline import DRONES, RACES, TRACK, Effort, Say, pilot_of, roofline
+from benchmarks.environment import TRACK, EnvironmentCase, that_fit
+from benchmarks.headline import DRONES, RACES, Effort, Say, roofline
 from benchmarks.machine import Case, Matmul, interleave, rates
 from benchmarks.startup import race_command, run_command, train_command
 from benchmarks.training import TrainingCase
 from cruise.config import PPOConfig, TrainConfig
+from cruise.errors import CruiseError
 from cruise.evaluation.matches import evaluate_match, make_match
 from cruise.presets import TRACKS
+from cruise.storage.policy_file import shipped_name
 
 Row = dict[str, Any]
 C = TypeVar("C", bound=Case)
@@ -23,6 +25,14 @@ DRONES_TRAINED = (1, 2, 3, 4)
 NETWORKS = ((32, 32), (64, 64), (128, 128), (256, 256))
 EVALUATED = 100  # races per evaluation
 MATMUL = 2048
+
+
+def pilot_of(drones: int) -> str:
+    """The policy shipped for the ring, or where there is none a pilot that needs no training."""
+    try:
+        return shipped_name(TRACK, drones)
+    except CruiseError:
+        return "chaser"
 
 
 class EvaluationCase:

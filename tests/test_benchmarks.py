@@ -17,7 +17,7 @@ from benchmarks.__main__ import rounded
 from benchmarks.environment import EnvironmentCase, that_fit
 from benchmarks.machine import LEAST_ROUNDS, interleave, peak_memory_mb, rates
 from benchmarks.report import show
-from benchmarks.startup import CommandRun, Start, run_command
+from benchmarks.startup import Start, run_command
 from benchmarks.training import environment_flop, train_flop, trainer_flop
 from cruise.config import PPOConfig
 from cruise.presets import TRACKS, VEHICLES
@@ -127,7 +127,6 @@ def test_cases_take_turns():
 
 def test_headline_has_every_key(monkeypatch, tmp_path):
     monkeypatch.setattr(headline, "start_training", lambda cache: Start(9.0, 8.0, 700.0))
-    monkeypatch.setattr(headline, "run_command", lambda cache, *arguments: CommandRun(4.0, 400.0))
     monkeypatch.setattr(headline, "EnvironmentCase", lambda races, drones: Counted([], "environment"))
     sizes = headline.Sizes(TINY, few=8, many=8, products=(8, 16))
     figures = headline.headline(headline.Effort(3, 0.0, 2), tmp_path, lambda line: None, sizes)
