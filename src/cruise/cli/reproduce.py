@@ -1,0 +1,89 @@
+"""`cruise reproduce`: the paper's experiments run again."""
+
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from rich.console import Console
+from rich.table import Column, Table
+
+from cruise.cli.compilation import use_compilation_cache
+from cruise.cli.line_up import described
+from cruise.errors import CruiseError
+
+if TYPE_CHECKING:
+    from cruise.reproduction.plan import Job, Scale
+    from cruise.reproduction.work import Work
+
+FULL, QUICK = Path("runs/reproduce"), Path("runs/reproduce-quick")
+MAX_SEEDS = 100
+
+
+@dataclass(frozen=True)
+class Reproduce:
+    """Run the paper's experiments again. Stop it with Ctrl-C; the same command goes on."""
+
+    quick: bool = False
+    """A look at everything in minutes, with a fiftieth of the training steps, in folders of its own."""
+    only: Annotated[tuple[str, ...], described("WORD ...")] = ()
+    """Run these alone: kinds, tracks, numbers of drones, seeds (`--only cruise ring 4 s0`)."""
+    seeds: int = 3
+    """Training seeds of every cell; --quick has one."""
+    list: bool = False
+    """Show what is done and what is left, and run nothing."""
+    again: bool = False
+    """Run anew what was made with other settings than today's, or whose file is broken."""
+    results: Annotated[Path | None, described("DIR")] = None
+    """Where results are kept: results, with --quick runs/reproduce-quick/results."""
+    work: Annotated[Path | None, described("DIR")] = None
+    """Where training runs lie: runs/reproduce, with --quick runs/reproduce-quick."""
+
+    def run(self) -> int:
+        """Run what is left of the plan."""
+        if not 1 <= self.seeds <= MAX_SEEDS:
+            raise CruiseError(f"--seeds must be between 1 and {MAX_SEEDS}, not {self.seeds}")
+        if self.list and self.again:
+            raise CruiseError("--list and --again exclude each other")
+        use_compilation_cache()
+        from cruise.reproduction.plan import choose, full_scale, make_plan, quick_scale  # noqa: PLC0415
+
+        scale = quick_scale() if self.quick else full_scale(self.seeds)
+        jobs = choose(make_plan(scale), self.only)
+        work = self._work(scale)
+        if self.list:
+            return show_states(work, jobs)
+        return self._run_jobs(work, jobs)
+
+    def _work(self, scale: "Scale") -> "Work":
+        from cruise.reproduction.results import ResultFolder  # noqa: PLC0415
+        from cruise.reproduction.work import Work  # noqa: PLC0415
+
+        folder = self.work or (QUICK if self.quick else FULL)
+        return Work(scale, ResultFolder(self.results or (QUICK / "results" if self.quick else Path("results"))), folder)
+
+    def _run_jobs(self, work: "Work", jobs: "tuple[Job, ...]") -> int:
+        from cruise.cli.reproduce_progress import show_events  # noqa: PLC0415
+        from cruise.reproduction.study import left, run_jobs  # noqa: PLC0415
+
+        wanted = left(work, jobs, self.again)
+        try:
+            return show_events(Console(), run_jobs(work, wanted), wanted, len(jobs))
+        except KeyboardInterrupt:
+            raise KeyboardInterrupt("stopped; what is done is kept, and the same command goes on") from None
+
+
+def show_states(work: "Work", jobs: "tuple[Job, ...]") -> int:
+    """Print a table of jobs by kind, track and drones, every seed with its state, and a count."""
+    from cruise.reproduction.study import state_of  # noqa: PLC0415
+
+    states: dict[Job, str] = {job: state_of(work, job) for job in jobs}
+    rows: dict[tuple[str, str, str], list[str]] = {}
+    for job, state in states.items():
+        rows.setdefault((job.kind, job.track, str(job.drones)), []).append(f"s{job.seed} {state}")
+    table = Table("kind", "track", Column("drones", justify="right"), "seeds")
+    for row, seeds in rows.items():
+        table.add_row(*row, ", ".join(seeds))
+    Console().print(table)
+    print(", ".join(f"{count} {state}" for state, count in Counter(states.values()).items()))
+    return 0

@@ -1,0 +1,91 @@
+"""A learned cell: train, measure the policy of every stage and the finished one, keep what the report needs."""
+
+import shutil
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+from cruise.config import TrainConfig
+from cruise.evaluation.matches import make_match, run_races
+from cruise.presets import VEHICLES
+from cruise.racing.track_file import load_track
+from cruise.reproduction.commands import train_command
+from cruise.reproduction.measure import FRESH, measure, thin_curve
+from cruise.reproduction.plan import DUEL, ENTRANTS, MIXED, Job, config_of
+from cruise.reproduction.results import FORMAT, Cell, StageResult
+from cruise.reproduction.work import Step, Work
+from cruise.storage.config_file import to_data
+from cruise.storage.policy_file import load_policy
+from cruise.training.session import CONFIG, Session, read_metrics
+from cruise.training.validation import check_config
+
+
+def make_learned(work: Work, job: Job) -> Iterator[Step]:
+    """Train, or go on training, and write the result."""
+    started = time.monotonic()
+    config = config_of(job, work.scale)
+    check_config(config)
+    session = _open(work.run_folder(job), config)
+    for progress in session:
+        yield Step("training", progress.steps, session.trainer.total_steps)
+    policy = session.finish(lambda _: {})
+    stages = []
+    for number, phase in enumerate(session.trainer.phases[:-1], start=1):
+        yield Step("measuring stages", number, len(session.trainer.phases))
+        if phase.last_update > 0:
+            stages.append(_measure_stage(work, job, session, number))
+    yield Step("measuring")
+    measured = measure(make_match(session.track, job.drones, policy), work.scale.races, job.seed)
+    last = session.trainer.phases[-1].stage
+    rows = read_metrics(session.folder)
+    cell = Cell(
+        format=FORMAT,
+        kind=job.kind,
+        track=job.track,
+        drones=job.drones,
+        seed=job.seed,
+        origin=work.origin(job, started),
+        measured=measured,
+        steps=rows[-1]["steps"],
+        training_seconds=rows[-1]["seconds"],
+        training_command=train_command(config),
+        config=to_data(config),
+        stages=(*stages, StageResult(len(session.trainer.phases), last.name, last.agility, measured)),
+        curve=thin_curve(rows),
+    )
+    _keep(work, job, policy)
+    work.results.write(job, cell)
+
+
+def _open(folder: Path, config: TrainConfig) -> Session:
+    resume = (folder / CONFIG).exists()
+    return Session(folder, config, load_track(config.track), VEHICLES[config.vehicle], resume=resume)
+
+
+def _measure_stage(work: Work, job: Job, session: Session, number: int) -> StageResult:
+    pilot = load_policy(session.folder / f"stage-{number}")
+    measured = measure(make_match(session.track, job.drones, pilot), work.scale.races, job.seed)
+    return StageResult(number, session.trainer.phases[number - 1].stage.name, pilot.agility, measured)
+
+
+def _keep(work: Work, job: Job, policy: Path) -> None:
+    """The policies that race head to head, and one race of four for the pictures."""
+    if job.kind not in ENTRANTS or job.drones not in (DUEL, MIXED):
+        return
+    target = work.results.policy_of(job)
+    target.parent.mkdir(parents=True, exist_ok=True)
+    for ending in (".safetensors", ".json"):
+        shutil.copyfile(policy.with_suffix(ending), target.with_name(target.name + ending))
+    if job.kind == "cruise" and job.drones == MIXED and job.seed == work.scale.seeds[0]:
+        match = make_match(load_track(job.track), job.drones, policy)
+        next(run_races(match, 1, FRESH + job.seed)).save(work.results.race_of(job))
+
+
+def make_planner(work: Work, job: Job) -> Iterator[Step]:
+    """Measure a planner, which needs no training, and write the result."""
+    started = time.monotonic()
+    yield Step("measuring")
+    match = make_match(load_track(job.track), job.drones, job.kind)
+    measured = measure(match, work.scale.races, job.seed)
+    origin = work.origin(job, started)
+    work.results.write(job, Cell(FORMAT, job.kind, job.track, job.drones, job.seed, origin, measured))
