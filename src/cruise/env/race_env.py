@@ -29,6 +29,7 @@ class RaceEnv(NamedTuple):
     """Static choices of a race and the functions built from them."""
 
     num_drones: int
+    track: Track
     course: Course
     dynamics: Dynamics
     reset: Callable[..., RaceState]  # (key, batch=(), gate=None) -> state
@@ -126,6 +127,7 @@ def make_race_env(
     decode_as: dict[str, Decode] = {kind: functools.partial(function, course) for kind, function in ACTIONS.items()}
     return RaceEnv(
         num_drones=num_drones,
+        track=track,
         course=course,
         dynamics=dynamics,
         reset=reset,
