@@ -49,7 +49,7 @@ COMMANDS = {
     "train": Entry("cruise.cli.train", "Train", "Train a policy through the curriculum, or resume a run."),
     "evaluate": Entry("cruise.cli.evaluate", "Evaluate", "Measure pilots over many races, with confidence intervals."),
     "tracks": Entry("cruise.cli.tracks", "Tracks", "List, show and check tracks."),
-    "reproduce": Entry("cruise.cli.reproduce", "Reproduce", "Run the paper's experiments again."),
+    "reproduce": Entry("cruise.cli.reproduce", "Reproduce", "Run the paper's experiments again and write a report."),
     "policies": Entry("cruise.cli.policies", "Policies", "List the shipped policies."),
 }
 

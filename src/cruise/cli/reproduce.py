@@ -1,4 +1,4 @@
-"""`cruise reproduce`: the paper's experiments run again."""
+"""`cruise reproduce`: the paper's experiments run again, and the report of what came out."""
 
 from collections import Counter
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ MAX_SEEDS = 100
 
 @dataclass(frozen=True)
 class Reproduce:
-    """Run the paper's experiments again. Stop it with Ctrl-C; the same command goes on."""
+    """Run the paper's experiments again and write a report. Stop it with Ctrl-C; the same command goes on."""
 
     quick: bool = False
     """A look at everything in minutes, with a fiftieth of the training steps, in folders of its own."""
@@ -32,19 +32,23 @@ class Reproduce:
     """Training seeds of every cell; --quick has one."""
     list: bool = False
     """Show what is done and what is left, and run nothing."""
+    report_only: bool = False
+    """Write the report from the results there are, and run nothing."""
     again: bool = False
     """Run anew what was made with other settings than today's, or whose file is broken."""
     results: Annotated[Path | None, described("DIR")] = None
     """Where results are kept: results, with --quick runs/reproduce-quick/results."""
     work: Annotated[Path | None, described("DIR")] = None
     """Where training runs lie: runs/reproduce, with --quick runs/reproduce-quick."""
+    out: Annotated[Path | None, described("DIR")] = None
+    """Where report.html, report.md, figures and CSV files go: the folder `report` below --work."""
 
     def run(self) -> int:
-        """Run what is left of the plan."""
+        """Run what is left of the plan, then write the report."""
         if not 1 <= self.seeds <= MAX_SEEDS:
             raise CruiseError(f"--seeds must be between 1 and {MAX_SEEDS}, not {self.seeds}")
-        if self.list and self.again:
-            raise CruiseError("--list and --again exclude each other")
+        if self.list + self.report_only + self.again > 1:
+            raise CruiseError("--list, --report-only and --again exclude each other")
         use_compilation_cache()
         from cruise.reproduction.plan import choose, full_scale, make_plan, quick_scale  # noqa: PLC0415
 
@@ -53,7 +57,9 @@ class Reproduce:
         work = self._work(scale)
         if self.list:
             return show_states(work, jobs)
-        return self._run_jobs(work, jobs)
+        failed = 0 if self.report_only else self._run_jobs(work, jobs)
+        self._report(work)
+        return failed
 
     def _work(self, scale: "Scale") -> "Work":
         from cruise.reproduction.results import ResultFolder  # noqa: PLC0415
@@ -71,6 +77,14 @@ class Reproduce:
             return show_events(Console(), run_jobs(work, wanted), wanted, len(jobs))
         except KeyboardInterrupt:
             raise KeyboardInterrupt("stopped; what is done is kept, and the same command goes on") from None
+
+    def _report(self, work: "Work") -> None:
+        from cruise.reproduction.assemble import write_report  # noqa: PLC0415
+        from cruise.reproduction.evidence import read_evidence  # noqa: PLC0415
+
+        evidence = read_evidence(work.results, work.scale)
+        page = write_report(evidence, self.out or work.folder / "report")
+        print(f"report {page} from {sum(1 for _ in evidence.all_cells)} cells")
 
 
 def show_states(work: "Work", jobs: "tuple[Job, ...]") -> int:

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from itertools import combinations
 
 from cruise.errors import CruiseError
-from cruise.evaluation.matches import Match, find_pilot, run_races
+from cruise.evaluation.matches import make_match, run_races
 from cruise.evaluation.metrics import DroneResult, race_result
 from cruise.pilots.base import Pilot
 from cruise.pilots.neural import NeuralPilot
@@ -48,10 +48,13 @@ def checksums(work: Work, job: Job) -> dict[str, str]:
     return {kind: work.results.checksum_of(Job(kind, job.track, job.drones, job.seed)) for kind in learned}
 
 
-def _entrant(work: Work, kind: str, job: Job) -> Pilot:
-    """A kind's pilot. Policies of all seeds go by the name of their kind, so that a race is compiled once."""
+def _entrant(work: Work, kind: str, job: Job) -> str | Pilot:
+    """A kind's pilot, or the name of a planner.
+
+    Policies of all seeds go by the name of their kind, so that a race is compiled once.
+    """
     if KINDS[kind].family == "planner":
-        return find_pilot(kind)
+        return kind
     wanted = Job(kind, job.track, job.drones, job.seed)
     path = work.results.policy_of(wanted)
     if not path.with_name(f"{path.name}.json").exists():
@@ -60,7 +63,7 @@ def _entrant(work: Work, kind: str, job: Job) -> Pilot:
     return NeuralPilot(pilot.params, pilot.observation, pilot.drones, pilot.agility, kind, pilot.vehicle)
 
 
-def _fly(job: Job, field: Sequence[Pilot], races: int) -> list[RaceLog]:
+def _fly(job: Job, field: Sequence[str | Pilot], races: int) -> list[RaceLog]:
     """Races in which every entrant flies as every drone, equally often, give or take one; logs in order of entrants.
 
     Lanes are drawn anew for each race and no drone is special: taking turns makes sure of it.
@@ -68,10 +71,10 @@ def _fly(job: Job, field: Sequence[Pilot], races: int) -> list[RaceLog]:
     track = load_track(job.track)
     logs: list[RaceLog] = []
     for shift in range(len(field)):
-        team = tuple(field[(drone + shift) % len(field)] for drone in range(len(field)))
+        team = [field[(drone + shift) % len(field)] for drone in range(len(field))]
         share = races // len(field) + (shift < races % len(field))
         if share:
-            logs += run_races(Match(track, team, track.laps), share, FRESH + job.seed)
+            logs += run_races(make_match(track, len(team), team), share, FRESH + job.seed)
     return logs
 
 

@@ -31,12 +31,12 @@ def make_learned(work: Work, job: Job) -> Iterator[Step]:
     policy = session.finish(lambda _: {})
     stages = []
     for number, phase in enumerate(session.trainer.phases[:-1], start=1):
-        yield Step("measuring stages", number, len(session.trainer.phases))
-        if phase.last_update > 0:
+        yield Step("measuring stages", number - 1, len(session.trainer.phases))
+        if phase.last_update > phase.first_update:
             stages.append(_measure_stage(work, job, session, number))
     yield Step("measuring")
     measured = measure(make_match(session.track, job.drones, policy), work.scale.races, job.seed)
-    last = session.trainer.phases[-1].stage
+    last = session.trainer.phases[-1]
     rows = read_metrics(session.folder)
     cell = Cell(
         format=FORMAT,
@@ -50,7 +50,7 @@ def make_learned(work: Work, job: Job) -> Iterator[Step]:
         training_seconds=rows[-1]["seconds"],
         training_command=train_command(config),
         config=to_data(config),
-        stages=(*stages, StageResult(len(session.trainer.phases), last.name, last.agility, measured)),
+        stages=(*stages, StageResult(last.number, last.stage.name, last.stage.agility, measured)),
         curve=thin_curve(rows),
     )
     _keep(work, job, policy)
@@ -65,7 +65,8 @@ def _open(folder: Path, config: TrainConfig) -> Session:
 def _measure_stage(work: Work, job: Job, session: Session, number: int) -> StageResult:
     pilot = load_policy(session.folder / f"stage-{number}")
     measured = measure(make_match(session.track, job.drones, pilot), work.scale.races, job.seed)
-    return StageResult(number, session.trainer.phases[number - 1].stage.name, pilot.agility, measured)
+    phase = session.trainer.phases[number - 1]
+    return StageResult(phase.number, phase.stage.name, pilot.agility, measured)
 
 
 def _keep(work: Work, job: Job, policy: Path) -> None:

@@ -1,0 +1,106 @@
+"""The report put together and written: report.html, report.md, figures and CSV files."""
+
+from pathlib import Path
+
+from cruise.report.document import Picture, Report, Section, report_html, report_markdown
+from cruise.report.figure_style import to_svg
+from cruise.report.tables import to_csv
+from cruise.reproduction.claims import claims_table
+from cruise.reproduction.evidence import Evidence, mixed_settings
+from cruise.reproduction.headline import headline
+from cruise.reproduction.plan import KINDS, make_plan
+from cruise.reproduction.printed import PAPER
+from cruise.reproduction.ratings import Rating, rate
+from cruise.reproduction.reasons import reasons
+from cruise.reproduction.report_figures import Drawing, all_figures
+from cruise.reproduction.report_tables import all_tables, scale_note
+from cruise.storage.atomic import write_atomically
+
+FIGURES, TABLES = "figures", "tables"  # folders beside report.html and report.md
+
+
+def write_report(evidence: Evidence, out: Path) -> Path:
+    """Write the report of the evidence, the same for the same evidence, and give the path of its page."""
+    report = make_report(evidence)
+    write_atomically(out / "report.html", report_html(report).encode())
+    write_atomically(out / "report.md", report_markdown(report, FIGURES).encode())
+    for section in report.sections:
+        for picture in section.pictures:
+            write_atomically(out / FIGURES / f"{picture.name}.svg", picture.svg.encode())
+        for table in section.tables:
+            write_atomically(out / TABLES / f"{table.name}.csv", to_csv(table).encode())
+    return out / "report.html"
+
+
+def rate_tracks(evidence: Evidence) -> dict[str, list[Rating]]:
+    """Ratings per track from duels and mixed fields together."""
+    rated = {}
+    for track in evidence.scale.tracks:
+        results = [result for (where, _), met in evidence.meetings.items() if where == track for result in met]
+        seeds = sorted({result.seed for result in results})
+        rated[track] = rate([[result for result in results if result.seed == seed] for seed in seeds])
+    return rated
+
+
+def make_report(evidence: Evidence) -> Report:
+    """Everything the evidence says."""
+    ratings = rate_tracks(evidence)
+    figures = {name: tuple(map(_picture, drawings)) for name, drawings in all_figures(evidence, ratings).items()}
+    tables = {table.name: table for table in all_tables(evidence, ratings)}
+    performance = tuple(table for name, table in tables.items() if name.startswith("performance-"))
+    return Report(
+        title="CRUISE reproduced",
+        lead=headline(evidence, ratings),
+        warnings=_warnings(evidence),
+        sections=(
+            Section("At a glance", (_glossary(),), pictures=figures["overview"], tables=(claims_table(evidence),)),
+            Section("What did not reproduce, and why", points=reasons(evidence)),
+            Section("The paper's two tables", (f"Printed figures: {PAPER}.",), tables=performance),
+            Section(
+                "Who wins against whom", pictures=figures["meetings"], tables=(tables["duels"], tables["mixed-fields"])
+            ),
+            Section("What each ingredient does", pictures=figures["ablations"], tables=(tables["ablations"],)),
+            Section("After every stage", pictures=figures["stages"], tables=(tables["stages"],)),
+            Section("Learning curves", pictures=figures["curves"]),
+            Section("Trajectories", pictures=figures["paths"]),
+            Section("How far from the fastest possible lap", pictures=figures["limits"], tables=(tables["limits"],)),
+            Section("How to make it again", (_how(),), tables=(tables["runs"],)),
+        ),
+    )
+
+
+def _picture(drawing: Drawing) -> Picture:
+    return Picture(drawing.name, drawing.caption, to_svg(drawing.figure))
+
+
+def _glossary() -> str:
+    kinds = ("cruise", "vanilla", "se-ibr", "se-ibr-tuned", "self-play-only")
+    told = "; ".join(f"{KINDS[kind].title}: {KINDS[kind].summary}" for kind in kinds)
+    return (
+        "Two, three or four quadrotors race three laps through the gates of a ring or a figure-eight; a drone that "
+        f"collides is out. Who flies: {told}."
+    )
+
+
+def _how() -> str:
+    return (
+        "`cruise reproduce` runs everything again and goes on where it was stopped, `cruise reproduce --report-only "
+        "--out DIR` makes this report from the results that are kept. Every row names what made it."
+    )
+
+
+def _warnings(evidence: Evidence) -> tuple[str, ...]:
+    warnings = []
+    if evidence.scale.name != "full":
+        warnings.append(
+            f"{scale_note(evidence).strip()} Its policies have hardly learned: it shows that everything works."
+        )
+    planned = make_plan(evidence.scale)
+    there = {(cell.kind, cell.track, cell.drones, cell.seed) for cell in evidence.all_cells}
+    there |= {("head-to-head", m.track, m.drones, m.seed) for met in evidence.meetings.values() for m in met}
+    missing = sum((job.kind, job.track, job.drones, job.seed) not in there for job in planned)
+    if missing:
+        warnings.append(f'{missing} of {len(planned)} planned results are not there yet; they show as "not run".')
+    for kind in mixed_settings(evidence):
+        warnings.append(f"The cells of {KINDS[kind].title} were trained with different settings; see their files.")
+    return tuple(warnings)

@@ -1,0 +1,84 @@
+"""Two kinds of pilot compared, in words that the numbers choose."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from cruise.reproduction.evidence import Evidence
+from cruise.reproduction.pooling import Pooled, Summary, Verdict, compare
+
+OVERLAP = "intervals overlap"
+
+
+@dataclass(frozen=True)
+class Contrast:
+    """A kind with an ingredient and one without, on one track."""
+
+    track: str
+    drones: int
+    with_it: Summary
+    without: Summary
+
+    @property
+    def success(self) -> Verdict:
+        """Of the one with the ingredient, compared with the other."""
+        return compare(self.with_it.success, self.without.success)
+
+    @property
+    def lap(self) -> Verdict:
+        """Of the timed flying lap; "lower" is better."""
+        return compare(self.with_it.lap, self.without.lap)
+
+
+def contrasts(evidence: Evidence, with_it: str, without: str, drones: int) -> list[Contrast]:
+    """On every track on which both were run."""
+    found = []
+    for track in evidence.scale.tracks:
+        pair = evidence.summary(with_it, track, drones), evidence.summary(without, track, drones)
+        if pair[0] and pair[1]:
+            found.append(Contrast(track, drones, pair[0], pair[1]))
+    return found
+
+
+def verdict(found: Sequence[Contrast]) -> str:
+    """Whether the ingredient matters, in a word or two. Only differences whose intervals do not overlap count."""
+    better = sum((c.success == "higher") + (c.lap == "lower") for c in found)
+    worse = sum((c.success == "lower") + (c.lap == "higher") for c in found)
+    if not found:
+        return "Not known yet."
+    if better and worse:
+        return "It has two sides."
+    if better:
+        return "Yes."
+    return "Yes, but it harms." if worse else "Not that it could be measured."
+
+
+def in_words(contrast: Contrast) -> str:
+    """What was measured with and without, and whether the difference is more than chance."""
+    one, other = contrast.with_it, contrast.without
+    finished = f"{percent(one.success)} of the drones finish with it, {percent(other.success)} without"
+    told = f"on the {contrast.track} {finished} ({_told(contrast.success)})"
+    if not (one.lap.known and other.lap.known):
+        return told
+    return f"{told}, in laps of {one.lap.mean:.2f} and {other.lap.mean:.2f} s ({_told(contrast.lap)})"
+
+
+def _told(found: Verdict) -> str:
+    return OVERLAP if found == "not told apart" else found
+
+
+def sentence(found: Sequence[Contrast]) -> str:
+    """All tracks in one sentence."""
+    text = "; ".join(map(in_words, found))
+    return f"With {found[0].drones} drones, {text}." if found else "Not run yet."
+
+
+def outcome(summary: Summary) -> str:
+    """Who finishes and how fast, in a phrase."""
+    lap = f" in laps of {summary.lap.mean:.2f} s" if summary.lap.known else ""
+    return f"{percent(summary.success)} of the drones finish{lap}"
+
+
+def percent(pooled: Pooled) -> str:
+    """A rate for people; nothing but all is called 100 %, nothing but none 0 %."""
+    value = 100 * pooled.mean
+    return f"{value:.0f} %" if value in (0.0, 100.0) else f"{min(max(value, 0.1), 99.9):.1f} %"

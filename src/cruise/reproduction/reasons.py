@@ -1,0 +1,218 @@
+"""What did not reproduce, and why: a point per reason, its figures from the evidence."""
+
+import math
+from collections.abc import Callable
+
+from cruise.presets import CURRICULUM, REWARDS
+from cruise.report.document import Point
+from cruise.reproduction.claims import factors, short_of, speeds, successes
+from cruise.reproduction.contrasts import contrasts, outcome, percent, sentence
+from cruise.reproduction.evidence import Evidence
+from cruise.reproduction.plan import ABLATION_DRONES, KINDS
+from cruise.reproduction.pooling import Summary
+from cruise.reproduction.printed import FREE, SPEED_FACTOR, TABLES
+
+NOT_YET = "Not run yet."
+
+
+def reasons(evidence: Evidence) -> tuple[Point, ...]:
+    """In order of weight."""
+    points: tuple[Callable[[Evidence], Point], ...] = (
+        _shortfalls,
+        _controller,
+        _nominal_laps,
+        _capped_planner,
+        _crashing_pays,
+        _overtaking,
+        _vanilla,
+        _per_drone,
+        _self_play_order,
+        _observation,
+        _seeds,
+    )
+    return tuple(point(evidence) for point in points)
+
+
+def _shortfalls(evidence: Evidence) -> Point:
+    head = "Where CRUISE is below the printed figures."
+    if not any(kind == "cruise" for kind, _, _ in evidence.cells):
+        return Point(head, NOT_YET)
+    slow, unsafe = short_of(evidence, speeds, "m/s"), short_of(evidence, successes, "%")
+    told = [f"Mean speed: {', '.join(slow) or 'nowhere'}.", f"Success: {', '.join(unsafe) or 'nowhere'}."]
+    return Point(
+        head, " ".join(told) + (" What else was tried is in the table of ablations." if slow or unsafe else "")
+    )
+
+
+def _each_track(evidence: Evidence, tell: Callable[[str, Summary], str]) -> str:
+    """A phrase per track on CRUISE with the most drones that were run."""
+    told = []
+    for track in evidence.scale.tracks:
+        found = [s for n in evidence.scale.drones if (s := evidence.summary("cruise", track, n)) and s.lap.known]
+        if found:
+            told.append(f"{track}: {tell(track, found[-1])}")
+    return "; ".join(told) + "." if told else NOT_YET
+
+
+def _controller(evidence: Evidence) -> Point:
+    def tell(track: str, summary: Summary) -> str:
+        printed = min(lap for (t, kind, _), (lap, *_) in TABLES.items() if t == track and kind == "cruise" and lap)
+        limit = FREE.lap(track)
+        return (
+            f"the fastest possible lap is {limit:.1f} s; the paper's best, {printed:.1f} s, reaches "
+            f"{limit / printed:.0%} of that pace and CRUISE here {limit / summary.lap.mean:.0%}"
+        )
+
+    return Point(
+        "The speeds are set by the controller, not by tactics.",
+        "The paper reads speeds far below the 10 m/s of its last stage as a strategy that balances speed and safety. "
+        "But its velocity controller cannot accelerate sideways by more than about 1.6 m/s² for long, and that bounds "
+        f"the lap. {_capital(_each_track(evidence, tell))}",
+    )
+
+
+def _nominal_laps(evidence: Evidence) -> Point:
+    def tell(track: str, summary: Summary) -> str:
+        nominal, timed = summary.nominal_lap.mean, summary.lap.mean
+        return f"nominal {nominal:.2f} s, timed {timed:.2f} s ({100 * (nominal / timed - 1):+.1f} %)"
+
+    return Point(
+        "Printed laps were not timed.",
+        "The paper's lap time is the length of the track over the mean speed: it rewards flying far, not arriving "
+        "early, and leaves out that a race begins from standing. Here laps are timed from gate to gate as well. "
+        f"{_capital(_each_track(evidence, tell))}",
+    )
+
+
+def _capped_planner(evidence: Evidence) -> Point:
+    paper, tuned = factors(evidence, "se-ibr"), factors(evidence, "se-ibr-tuned")
+    if not paper or not tuned:
+        text = NOT_YET
+    else:
+        text = (
+            f"CRUISE is {_range(paper)} times as fast as the planner with the paper's caps (paper: about "
+            f"{SPEED_FACTOR:g}) and {_range(tuned)} times as fast as the same planner limited by the vehicle alone."
+        )
+    return Point(
+        "The planner was held back.",
+        "The planner's speed is the speed it is allowed: the caps the paper's repository sets decide the comparison. "
+        f"{text}",
+    )
+
+
+def _range(found: dict[str, float]) -> str:
+    low, high = min(found.values()), max(found.values())
+    return f"{low:.2f}" if round(low, 2) == round(high, 2) else f"{low:.2f} to {high:.2f}"
+
+
+def _crashing_pays(evidence: Evidence) -> Point:
+    weights, last = REWARDS["paper"], CURRICULUM[-1]
+    speed = TABLES["ring", "cruise", ABLATION_DRONES].speed or math.nan
+    cost = weights.w_speed * (last.v_min - speed)
+    return Point(
+        "The printed reward weights make crashing attractive.",
+        f"At stage 5 the speed term alone costs {weights.w_speed:g} x ({last.v_min:g} - {speed:g}) = {cost:.1f} a "
+        f"step, while a crash costs {-weights.terminal:g} once and ends the cost; and above the clip of "
+        f"{weights.clip:g} nothing is gained by flying faster. With the default weights against the printed ones: "
+        f"{_contrast(evidence, 'paper-reward')}",
+    )
+
+
+def _overtaking(evidence: Evidence) -> Point:
+    overtakes = []
+    for track in evidence.scale.tracks:
+        for kind in ("cruise", "paper-reward"):
+            summary = evidence.summary(kind, track, ABLATION_DRONES)
+            if summary:
+                overtakes.append(f"{track}, {KINDS[kind].title}: {summary.overtakes.mean:.2f}")
+    told = f"Overtakes per race of {ABLATION_DRONES}: {'; '.join(overtakes)}." if overtakes else NOT_YET
+    return Point(
+        "The overtaking bonus has the wrong sign.",
+        "As printed, a drone is paid when an opponent comes from behind it to before it: for being overtaken. CRUISE "
+        "here is paid for the opposite; the training with the printed weights keeps the printed sign. "
+        f"{told}",
+    )
+
+
+def _vanilla(evidence: Evidence) -> Point:
+    told = []
+    for track in evidence.scale.tracks:
+        for kind in ("vanilla", "self-play-only"):
+            summary = evidence.summary(kind, track, ABLATION_DRONES)
+            alone = _survival_in_training(evidence, track) if kind == "vanilla" else ""
+            if summary:
+                told.append(f"{track}, {KINDS[kind].title}: {outcome(summary)}{alone}")
+    return Point(
+        "What VANILLA is, the paper does not quite say.",
+        "Here it is plain PPO on stage 5 without curriculum and without self-play, so that it first meets opponents "
+        'when it is measured; "self-play, no curriculum" meets them all along, and differs from CRUISE by the '
+        f"curriculum alone. {_capital('; '.join(told)) + '.' if told else NOT_YET}",
+    )
+
+
+def _survival_in_training(evidence: Evidence, track: str) -> str:
+    """How VANILLA flew alone, by the last evaluation of its training."""
+    last = []
+    for cell in evidence.of("vanilla", track, ABLATION_DRONES):
+        known = [value for value in cell.curve.success if value is not None] if cell.curve else []
+        last += known[-1:]
+    return f" (alone in the air at the end of training it survived {100 * sum(last) / len(last):.0f} %)" if last else ""
+
+
+def _per_drone(evidence: Evidence) -> Point:
+    def tell(track: str, summary: Summary) -> str:
+        return f"{percent(summary.success)} of the drones, all drones in {percent(summary.all_success)} of the races"
+
+    return Point(
+        "Success is per drone.",
+        "Printed figures such as 91.3 % of three and 93.5 % of four drones over 100 episodes can only be shares of "
+        f"drones. Whether everybody finishes is a stricter question. {_capital(_each_track(evidence, tell))}",
+    )
+
+
+def _self_play_order(evidence: Evidence) -> Point:
+    return Point(
+        "Self-play within the curriculum or after it.",
+        "The paper's text puts self-play after the curriculum, its Algorithm 1 inside every stage; the default is "
+        f"inside. Inside against after: {_contrast(evidence, 'self-play-after')}",
+    )
+
+
+def _observation(evidence: Evidence) -> Point:
+    return Point(
+        "Another observation than the paper's.",
+        "CRUISE here sees the track and its opponents in the frame of the next gate. Against the paper's state vector: "
+        f"{_contrast(evidence, 'paper-observation')}",
+    )
+
+
+def _contrast(evidence: Evidence, without: str) -> str:
+    return sentence(contrasts(evidence, "cruise", without, ABLATION_DRONES))
+
+
+def _seeds(evidence: Evidence) -> Point:
+    spreads = []
+    for track in evidence.scale.tracks:
+        for drones in evidence.scale.drones:
+            rates = [_share(cell.measured.success) for cell in evidence.of("cruise", track, drones)]
+            if len(rates) > 1:
+                spreads.append((max(rates) - min(rates), f"{track} with {drones} drones", rates))
+    if not spreads:
+        text = "Fewer than two seeds have been run."
+    else:
+        _, place, rates = max(spreads)
+        text = (
+            f"Here CRUISE's seeds differ most on {place}: {', '.join(f'{100 * rate:.1f} %' for rate in rates)} success."
+        )
+    return Point(
+        "One training is no evidence.",
+        f"The paper measures one training per cell, over 100 episodes; its deviations are between episodes. {text}",
+    )
+
+
+def _share(values: tuple[float, ...]) -> float:
+    return sum(values) / len(values)
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]

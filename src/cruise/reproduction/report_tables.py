@@ -1,0 +1,271 @@
+"""The report's tables, from the evidence."""
+
+from collections.abc import Sequence
+from itertools import permutations
+
+from cruise.presets import CURRICULUM
+from cruise.report.tables import Entry, Number, Table
+from cruise.reproduction.evidence import Evidence
+from cruise.reproduction.plan import ABLATION_DRONES, ABLATIONS, DUEL, ENTRANTS, KINDS, MIXED, make_plan
+from cruise.reproduction.pooling import Pooled, Summary
+from cruise.reproduction.printed import LIMITS, STAGE_SPEEDS, TABLES, Printed
+from cruise.reproduction.ratings import Rating, field_place, field_survival, field_wins, win_rate
+
+NOT_RUN = "not run"
+NOT_PRINTED = ""  # of pilots that the paper does not have
+PERFORMANCE = ("cruise", "se-ibr", "se-ibr-tuned", "vanilla", "vanilla-stage5", "self-play-only")
+
+
+def number(pooled: Pooled | None, factor: float = 1.0, digits: int = 2) -> Entry:
+    """A pooled quantity as a table shows it."""
+    if pooled is None:
+        return NOT_RUN
+    return Number(factor * pooled.mean, factor * pooled.low, factor * pooled.high, digits)
+
+
+def scale_note(evidence: Evidence) -> str:
+    """What every table says of a run that is not the full one."""
+    scale = evidence.scale
+    if scale.name == "full":
+        return ""
+    return f"Quick run: {scale.steps / 1e6:g} M training steps instead of 40 M, {scale.races} races, one seed. "
+
+
+def _note(evidence: Evidence, text: str) -> str:
+    return scale_note(evidence) + text
+
+
+INTERVALS = (
+    "Mean and, in brackets or small, 95 % interval over training seeds (over evaluation seeds for the planner); where "
+    "there is one seed alone, over its races."
+)
+
+
+def performance_table(evidence: Evidence, track: str) -> Table:
+    """The paper's table of a track, printed and measured side by side."""
+    rows = [_performance(evidence, track, n, kind) for n in evidence.scale.drones for kind in PERFORMANCE]
+    return Table(
+        f"performance-{track}",
+        f"{track}: the paper's table, printed and measured",
+        (
+            "drones",
+            "pilot",
+            "lap printed [s]",
+            "nominal lap [s]",
+            "timed flying lap [s]",
+            "speed printed [m/s]",
+            "mean speed [m/s]",
+            "success printed [%]",
+            "success per drone [%]",
+            "races all finish [%]",
+            "seeds",
+        ),
+        tuple(rows),
+        _note(
+            evidence,
+            f"{INTERVALS} Printed: mean ± standard deviation over 100 episodes; its lap is the length of the track "
+            "over the mean speed, which is the nominal lap here. Speeds and laps are those of drones that finished.",
+        ),
+    )
+
+
+def _performance(evidence: Evidence, track: str, drones: int, kind: str) -> tuple[Entry, ...]:
+    summary, printed = evidence.summary(kind, track, drones), TABLES.get((track, kind, drones))
+    s = summary or _Missing()
+    return (
+        str(drones),
+        KINDS[kind].title,
+        _printed(printed, "lap"),
+        number(s.nominal_lap),
+        number(s.lap),
+        _printed(printed, "speed"),
+        number(s.speed),
+        NOT_PRINTED if printed is None else f"{printed.success:g}",
+        number(s.success, 100, 1),
+        number(s.all_success, 100, 1),
+        str(len(s.seeds)),
+    )
+
+
+class _Missing:
+    """A summary of nothing."""
+
+    seeds = ()
+
+    def __getattr__(self, name: str) -> None:
+        return None
+
+
+def _printed(printed: Printed | None, quantity: str) -> str:
+    if printed is None:
+        return NOT_PRINTED
+    mean, std = getattr(printed, quantity), getattr(printed, f"{quantity}_std")
+    return "N/A" if mean is None else f"{mean:.1f} ± {std:.1f}"
+
+
+def stage_table(evidence: Evidence) -> Table:
+    """CRUISE after every stage, beside the paper's repository."""
+    rows: list[tuple[Entry, ...]] = []
+    for track in evidence.scale.tracks:
+        for drones in evidence.scale.drones:
+            stages = evidence.stages("cruise", track, drones)
+            for stage in range(1, len(CURRICULUM) + 1):
+                s = stages.get(stage) or _Missing()
+                printed = STAGE_SPEEDS[track, drones][stage - 1]
+                measured = (number(s.air_speed), number(s.lap), number(s.success, 100, 1))
+                rows.append((track, str(drones), str(stage), f"{printed:.2f}", *measured))
+    return Table(
+        "stages",
+        "CRUISE after every stage of the curriculum",
+        ("track", "drones", "stage", "speed, paper's files [m/s]", "speed [m/s]", "timed lap [s]", "success [%]"),
+        tuple(rows),
+        _note(
+            evidence,
+            f"{INTERVALS} Every policy flies with the agility of its own stage under the final rules: true openings, "
+            "every collision final. Speeds are those of all drones while in the air.",
+        ),
+    )
+
+
+def ablation_table(evidence: Evidence) -> Table:
+    """What each ingredient does, for four drones."""
+    kinds = ("cruise", *ABLATIONS, "vanilla")
+    rows = [
+        (track, KINDS[kind].title, KINDS[kind].summary, *_ablation(evidence.summary(kind, track, ABLATION_DRONES)))
+        for track in evidence.scale.tracks
+        for kind in kinds
+    ]
+    return Table(
+        "ablations",
+        "What each ingredient does: four drones",
+        ("track", "training", "what it is", "success [%]", "mean speed [m/s]", "timed lap [s]", "collisions", "seeds"),
+        tuple(rows),
+        _note(evidence, f"{INTERVALS} Collisions are per race of four drones."),
+    )
+
+
+def _ablation(summary: Summary | None) -> tuple[Entry, ...]:
+    s = summary or _Missing()
+    quantities = (number(s.success, 100, 1), number(s.speed), number(s.lap), number(s.collisions))
+    return (*quantities, str(len(s.seeds)))
+
+
+def duel_table(evidence: Evidence) -> Table:
+    """Win rates of every pair."""
+    rows: list[tuple[Entry, ...]] = []
+    for track in evidence.scale.tracks:
+        met = evidence.meetings.get((track, DUEL), ())
+        for one, other in permutations(ENTRANTS, 2):
+            rate = win_rate(met, one, other) if met else None
+            races = str(rate.races) if rate else "0"
+            rows.append((track, KINDS[one].title, KINDS[other].title, number(rate, 100, 1), races))
+    return Table(
+        "duels",
+        "Duels: how often the first pilot beats the second",
+        ("track", "pilot", "against", "won [%]", "races"),
+        tuple(rows),
+        _note(
+            evidence,
+            "A duel is won by who finishes first, or by who alone did not crash; where both crash nobody wins, so two "
+            "rates need not add up to 100 %. Sides alternate. Intervals over seeds, as above.",
+        ),
+    )
+
+
+def field_table(evidence: Evidence, ratings: dict[str, list[Rating]]) -> Table:
+    """Mixed fields of four, and ratings."""
+    rows: list[tuple[Entry, ...]] = []
+    for track in evidence.scale.tracks:
+        met = evidence.meetings.get((track, MIXED), ())
+        skills = {rating.entrant: rating.skill for rating in ratings.get(track, [])}
+        for kind in ENTRANTS:
+            won, finished, place = ((f(met, kind) if met else None) for f in (field_wins, field_survival, field_place))
+            skill = skills.get(kind)
+            skill = skill if skill and skill.known else None
+            rows.append(
+                (
+                    track,
+                    KINDS[kind].title,
+                    number(won, 100, 1),
+                    number(finished, 100, 1),
+                    number(place),
+                    number(skill, 1, 1),
+                )
+            )
+    return Table(
+        "mixed-fields",
+        "One of each in the same race, and ratings from all meetings",
+        ("track", "pilot", "won [%]", "finished [%]", "mean place", "rating"),
+        tuple(rows),
+        _note(
+            evidence,
+            "Ratings: openskill's Plackett-Luce over duels and mixed races, 25 at the start; only differences mean "
+            "something. Their intervals are percentiles of a bootstrap over seeds and races, the others as above.",
+        ),
+    )
+
+
+def limit_table(evidence: Evidence) -> Table:
+    """Timed laps against the fastest possible."""
+    pilots = ("cruise", "vanilla", "se-ibr", "se-ibr-tuned")
+    rows: list[tuple[Entry, ...]] = [
+        (f"limit: {limit.name}", "1", Number(limit.ring), Number(limit.figure_eight), "", "") for limit in LIMITS
+    ]
+    for kind in pilots:
+        for drones in evidence.scale.drones:
+            laps = [_lap(evidence, kind, track, drones) for track in ("ring", "figure-eight")]
+            over = [_over(lap, LIMITS[1].lap(track)) for lap, track in zip(laps, ("ring", "figure-eight"), strict=True)]
+            rows.append((KINDS[kind].title, str(drones), *(number(lap) for lap in laps), *over))
+    return Table(
+        "limits",
+        "Timed laps beside the fastest laps this vehicle can fly",
+        ("pilot", "drones", "ring [s]", "figure-eight [s]", "ring, above the limit [%]", "figure-eight, above [%]"),
+        tuple(rows),
+        _note(
+            evidence,
+            "The limit is the fastest lap of one drone alone with free commands and thrust that is never negative "
+            "(second line), the best that was found.",
+        ),
+    )
+
+
+def _lap(evidence: Evidence, kind: str, track: str, drones: int) -> Pooled | None:
+    summary = evidence.summary(kind, track, drones)
+    return summary.lap if summary else None
+
+
+def _over(lap: Pooled | None, limit: float) -> Entry:
+    if lap is None:
+        return NOT_RUN
+    mean, low, high = (100 * (value / limit - 1) for value in (lap.mean, lap.low, lap.high))
+    return Number(mean, low, high, digits=1)
+
+
+def runs_table(evidence: Evidence) -> Table:
+    """Everything that was run, and what to type to run it again."""
+    rows: list[tuple[Entry, ...]] = []
+    for cell in evidence.all_cells:
+        steps = Number(cell.steps / 1e6, digits=2) if cell.steps else "-"
+        minutes = Number(cell.training_seconds / 60, digits=1) if cell.steps else "-"
+        place = (cell.track, str(cell.drones), KINDS[cell.kind].title, str(cell.seed))
+        made = (f"{cell.origin.version}, jax {cell.origin.jax}", cell.origin.platform)
+        rows.append((*place, steps, minutes, str(len(cell.measured.success)), *made, cell.origin.command))
+    header = ("track", "drones", "pilot", "seed", "steps [M]", "training [min]", "races", "version", "on", "command")
+    missing = len([job for job in make_plan(evidence.scale) if job.family != "head-to-head"]) - len(rows)
+    left = f"{missing} planned cells are not run yet. " if missing > 0 else ""
+    return Table(
+        "runs", "Every run", header, tuple(rows), _note(evidence, f"{left}Wall times on a machine that others shared.")
+    )
+
+
+def all_tables(evidence: Evidence, ratings: dict[str, list[Rating]]) -> Sequence[Table]:
+    """In the order of the report."""
+    return (
+        *(performance_table(evidence, track) for track in evidence.scale.tracks),
+        stage_table(evidence),
+        ablation_table(evidence),
+        duel_table(evidence),
+        field_table(evidence, ratings),
+        limit_table(evidence),
+        runs_table(evidence),
+    )
