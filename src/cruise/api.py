@@ -7,7 +7,7 @@ from cruise.config import ObservationKind, RewardWeights, Track
 from cruise.env.race_env import RaceEnv, make_race_env
 from cruise.errors import CruiseError
 from cruise.evaluation import matches
-from cruise.evaluation.matches import PilotChoice
+from cruise.evaluation.pilot_choice import PilotChoice
 from cruise.evaluation.summary import Evaluation
 from cruise.presets import VEHICLES
 from cruise.racing.track_file import load_track
@@ -61,8 +61,9 @@ def race(
     Args:
         track: a track, the name of a built-in one, or the path of a TOML file.
         drones: how many race.
-        pilots: a pilot, its name or the path of a policy, for all drones; or one per drone, fewer taking turns. By
-            default the policy shipped for this track and number of drones.
+        pilots: a pilot for all drones, or one per drone, fewer taking turns: a name, the path of a policy or of an
+            exported `.onnx` file, `file.py:Name`, or a function or class in Python. By default the policy shipped for
+            this track and number of drones.
         laps: by default the track's.
         seed: the same seed gives the same race.
 

@@ -14,6 +14,7 @@ from cruise.env.race_env import RaceEnv
 from cruise.env.types import Collisions, RaceState, Rules, race_rules
 from cruise.errors import CruiseError
 from cruise.pilots.base import Crew, Memory, Pilot, crews
+from cruise.pilots.cockpit import seat
 from cruise.racing.gates import Crossing
 
 CHUNK = 128  # control steps flown between two looks at whether every race is over
@@ -101,11 +102,14 @@ def fly_from(
     """Fly races on from `state`; see `fly`. The result does not depend on `chunk`."""
     if len(team) != env.num_drones:
         raise CruiseError(f"a race of {env.num_drones} drones needs {env.num_drones} pilots, not {len(team)}")
-    groups = crews(team)
+    groups, cockpits = seat(env, crews(team))
+    chunk = 1 if cockpits else chunk  # pilots in plain Python are asked between two steps
     memories = tuple(crew.pilot.init(env, crew.drones, state) for crew in groups)
     carry = _Carry(state, memories, jnp.int32(0))
     pieces: list[_Step] = []
     while len(pieces) * chunk < steps:
+        if cockpits:
+            carry = carry._replace(memories=cockpits.ask(carry.state, carry.memories))
         carry, piece, last = _fly_chunk(env, groups, rules, carry, key, chunk)
         pieces.append(jax.tree.map(np.asarray, piece))
         if not np.asarray(last.airborne).any():

@@ -34,8 +34,11 @@ class LineUp:
     """How many drones race. By default as many as the policy was trained for, or 4."""
     policy: Annotated[str | None, described("NAME|PATH")] = None
     """Flies every drone: a shipped policy, a .safetensors file or the folder of a run. By default the one shipped."""
-    pilot: Annotated[tuple[str, ...], tyro.conf.UseAppendAction, described("NAME|PATH")] = ()
-    """Flies one drone: a policy as above, or chaser or hover. Repeat it, once per drone; fewer take turns."""
+    pilot: Annotated[tuple[str, ...], tyro.conf.UseAppendAction, described("NAME|PATH|FILE.py:NAME")] = ()
+    """Flies one drone: a policy as above, an exported .onnx file, chaser or hover, or a pilot of your own in Python, as
+    FILE.py:NAME or MODULE:NAME, whose code is run. Repeat it, once per drone; fewer take turns."""
+    budget_ms: float = 10_000.0
+    """Time for each action of a pilot in Python; one that takes longer ends the race with an error [ms]."""
 
     def match(self, laps: int | None = None) -> "Match":
         """The match that the flags describe. Raises CruiseError where they do not go together."""
@@ -45,23 +48,23 @@ class LineUp:
             raise CruiseError("--policy flies every drone and --pilot one of them: give one or the other")
         choices = [self.policy] if self.policy is not None else list(self.pilot)
         metas = _metas(choices)
-        track = load_track(self.track) if self.track is not None else _usual_track(metas)
+        track = load_track(self.track) if self.track is not None else usual_track(*metas[:1])
         drones = self.drones if self.drones is not None else _usual_drones(metas, choices)
-        return make_match(track, drones, choices or None, laps)
+        return make_match(track, drones, choices or None, laps, self.budget_ms / 1e3)
 
 
 def _metas(choices: list[str]) -> "list[PolicyMeta]":
     """What the trained ones among the pilots are."""
-    from cruise.pilots.scripted import SCRIPTED  # noqa: PLC0415
-    from cruise.storage.policy_file import read_meta  # noqa: PLC0415
+    from cruise.evaluation.pilot_choice import pilot_meta  # noqa: PLC0415
 
-    return [read_meta(choice) for choice in dict.fromkeys(choices) if choice not in SCRIPTED]
+    metas = [pilot_meta(choice) for choice in dict.fromkeys(choices)]
+    return [meta for meta in metas if meta is not None]
 
 
-def _usual_track(metas: "list[PolicyMeta]") -> Track:
-    if not metas:
+def usual_track(meta: "PolicyMeta | None" = None) -> Track:
+    """The track that a policy was trained on. Raises CruiseError where it is not at hand."""
+    if meta is None:
         return TRACKS[DEFAULT_TRACK]
-    meta = metas[0]
     trained_on = meta.config.get("track", meta.track)
     if meta.track in TRACKS:
         return TRACKS[meta.track]

@@ -50,6 +50,8 @@ COMMANDS = {
     "evaluate": Entry("cruise.cli.evaluate", "Evaluate", "Measure pilots over many races, with confidence intervals."),
     "tracks": Entry("cruise.cli.tracks", "Tracks", "List, show and check tracks."),
     "reproduce": Entry("cruise.cli.reproduce", "Reproduce", "Run the paper's experiments again and write a report."),
+    "new-pilot": Entry("cruise.cli.new_pilot", "NewPilot", "Write a pilot in Python to start from."),
+    "export": Entry("cruise.cli.export", "Export", "Write a policy as an ONNX model or a C header."),
     "policies": Entry("cruise.cli.policies", "Policies", "List the shipped policies."),
 }
 

@@ -78,7 +78,7 @@ def extended_observation(course: Course, dynamics: Dynamics, state: RaceState) -
 
     Seen so, every gate looks alike, and what is learned at one serves at all. Beyond the paper's vector it knows the
     drone's own attitude, the gates after the target, where the drone would cross the target's plane and how near it
-    would come to each opponent if everybody kept his velocity. Size 22 + 3 P + 9 (N - 1) with P vectors of the
+    would come to each opponent if everybody kept his velocity. Size 20 + 3 P + 9 (N - 1) with P vectors of the
     vehicle's proprioception. Clipped to [-3, 3].
     """
     gates = [(state.next_gate + ahead) % course.num_gates for ahead in range(3)]

@@ -13,17 +13,17 @@ from cruise.config import Track, Vehicle
 from cruise.env.race_env import RaceEnv, make_race_env
 from cruise.errors import CruiseError
 from cruise.evaluation.metrics import race_result
+from cruise.evaluation.pilot_choice import PilotChoice, find_pilot, identity
 from cruise.evaluation.summary import Evaluation, summarise
 from cruise.pilots.base import Pilot
-from cruise.pilots.scripted import SCRIPTED
+from cruise.pilots.foreign import DEFAULT_BUDGET
 from cruise.presets import VEHICLES
 from cruise.racing.track_geometry import lap_length
 from cruise.rollout import fly, team_rules
-from cruise.storage.policy_file import load_policy, read_meta, shipped_name
+from cruise.storage.policy_file import read_meta, shipped_name
 from cruise.storage.race_log import RaceLog
 from cruise.storage.recorder import RaceInfo, race_logs
 
-PilotChoice = str | os.PathLike[str] | Pilot
 StrPath = str | os.PathLike[str]
 
 TIME_LIMIT = 150.0  # of a race, at least [s]
@@ -53,16 +53,12 @@ class Match:
         return max(TIME_LIMIT, self.laps * lap_length(self.track.gates) / SLOWEST)
 
 
-def find_pilot(choice: PilotChoice) -> Pilot:
-    """A pilot by name or path: `chaser`, `hover`, or what `load_policy` takes. A pilot is given back as it is."""
-    if isinstance(choice, Pilot):
-        return choice
-    name = os.fspath(choice)
-    return SCRIPTED[name] if name in SCRIPTED else load_policy(choice)
-
-
 def make_match(
-    track: Track, drones: int, pilots: PilotChoice | Sequence[PilotChoice] | None = None, laps: int | None = None
+    track: Track,
+    drones: int,
+    pilots: PilotChoice | Sequence[PilotChoice] | None = None,
+    laps: int | None = None,
+    budget: float = DEFAULT_BUDGET,
 ) -> Match:
     """Put a match together.
 
@@ -72,6 +68,7 @@ def make_match(
         pilots: one pilot for all drones, or one per drone; fewer than drones are repeated in turn. By default the
             policy shipped for this track and number of drones.
         laps: by default the track's.
+        budget: time for each action of a pilot in plain Python [s].
 
     Raises:
         CruiseError: a number out of range, more pilots than drones, no such pilot, or pilots of different vehicles.
@@ -84,17 +81,12 @@ def make_match(
     choices: list[Any] = list(pilots) if isinstance(pilots, list | tuple) else [pilots]
     if not 1 <= len(choices) <= drones:
         raise CruiseError(f"{len(choices)} pilots for {drones} drones: give one for all, or at most one per drone")
-    found = {_identity(choice): find_pilot(choice) for choice in choices}
-    team = tuple(found[_identity(choices[drone % len(choices)])] for drone in range(drones))
+    found = {identity(choice): find_pilot(choice, budget) for choice in choices}
+    team = tuple(found[identity(choices[drone % len(choices)])] for drone in range(drones))
     vehicles = {pilot.vehicle for pilot in team}
     if len(vehicles) > 1:
         raise CruiseError(f"pilots of different vehicles cannot race each other: {', '.join(sorted(vehicles))}")
     return Match(track, team, laps)
-
-
-def _identity(choice: Any) -> Any:
-    """The same name or path is the same pilot, so that it flies its drones in one batch."""
-    return os.fspath(choice) if isinstance(choice, str | os.PathLike) else id(choice)
 
 
 def run_races(match: Match, races: int, seed: int) -> Iterator[RaceLog]:

@@ -1,0 +1,116 @@
+"""What the numbers of an observation mean, in their order: for spaces, exported policies and whoever reads them."""
+
+from typing import NamedTuple
+
+from cruise.config import ObservationKind
+from cruise.env.observation import (
+    DISTANCE_MAX,
+    GATE_RANGE,
+    HEIGHT_RANGE,
+    LIMIT,
+    LOOK_AHEAD,
+    OPPONENT_RANGE,
+    SPEED_MAX,
+    SPEED_RANGE,
+)
+
+
+class Entry(NamedTuple):
+    """Some numbers of an observation that belong together: a quantity divided by its scale, then clipped."""
+
+    name: str
+    size: int
+    quantity: str
+    unit: str
+    scale: float
+    frame: str  # world: x, y, z up; gate: forward, left, up of the target gate, whose normal is forward
+    low: float  # bounds after scale and clip
+    high: float
+
+
+FELT: dict[str, tuple[tuple[str, str, str, float], ...]] = {
+    "paper": (
+        ("thrust_axis", "the body's z axis: where its thrust points", "", 1.0),
+        ("body_rates", "roll and pitch rate turned level by the yaw alone, yaw rate", "rad/s", 3.0),
+        ("previous_velocity_error", "agility x previous action x control_dt, the controller's memory", "m/s", 0.4),
+    )
+}  # proprioception by vehicle: name, quantity, unit, scale
+
+
+def observation_layout(
+    kind: ObservationKind, drones: int, gates: int, vehicle: str, proprioception: int
+) -> tuple[Entry, ...]:
+    """The entries of an observation.
+
+    Args:
+        kind: of observation.
+        drones: in the race.
+        gates: of the track.
+        vehicle: name of the preset, for what the drone feels.
+        proprioception: number of vectors that the vehicle feels.
+    """
+    if kind == "paper":
+        return _paper(drones, gates)
+    return _extended(drones, vehicle, proprioception)
+
+
+def _paper(drones: int, gates: int) -> tuple[Entry, ...]:
+    def entry(name: str, size: int, quantity: str, unit: str, scale: float, low: float = -1.0) -> Entry:
+        return Entry(name, size, quantity, unit, scale, "world", low, 1.0)
+
+    return (
+        entry("to_gate", 3, "target gate's centre minus position", "m", DISTANCE_MAX),
+        entry("distance", 1, "to the target gate's centre", "m", DISTANCE_MAX, low=0.0),
+        entry("velocity", 3, "velocity", "m/s", SPEED_MAX),
+        entry("closing_speed", 1, "velocity along the line to the gate", "m/s", SPEED_MAX),
+        entry("target", gates, "1 at the target gate, 0 at the others", "", 1.0, low=0.0),
+        entry("position", 3, "position", "m", DISTANCE_MAX),
+        entry("heading_error", 2, "sine and cosine of yaw minus the gate's yaw", "", 1.0),
+        *(
+            entry(f"opponent_{k}_offset", 3, "opponent's position minus own", "m", DISTANCE_MAX)
+            for k in range(1, drones)
+        ),
+        *(entry(f"opponent_{k}_distance", 1, "to it", "m", DISTANCE_MAX, low=0.0) for k in range(1, drones)),
+    )
+
+
+def _extended(drones: int, vehicle: str, proprioception: int) -> tuple[Entry, ...]:
+    def entry(name: str, size: int, quantity: str, unit: str, scale: float, low: float = -LIMIT) -> Entry:
+        return Entry(name, size, quantity, unit, scale, "gate", low, LIMIT)
+
+    felt = FELT.get(vehicle, ())
+    if len(felt) != proprioception:
+        felt = tuple((f"felt_{i}", "what the vehicle feels of itself", "", 1.0) for i in range(1, proprioception + 1))
+    return (
+        entry("place", 3, "position minus the target gate's centre", "m", GATE_RANGE),
+        entry("distance", 1, "to the target gate's centre", "m", DISTANCE_MAX, low=0.0),
+        entry("second_gate", 3, "the gate after the target minus the target", "m", DISTANCE_MAX),
+        entry("third_gate", 3, "the one after that minus the second", "m", DISTANCE_MAX),
+        entry("second_normal", 2, "normal of the second gate, forward and left", "", 1.0),
+        entry("velocity", 3, "velocity", "m/s", SPEED_RANGE),
+        entry("closing_speed", 1, "velocity along the line to the gate", "m/s", SPEED_RANGE),
+        entry("height", 1, "above the ground", "m", HEIGHT_RANGE),
+        entry("crossing", 2, "where, left and up, the gate's plane would be crossed at this velocity", "m", 2.0),
+        entry("crossing_time", 1, "and when", "s", LOOK_AHEAD, low=0.0),
+        *(entry(name, 3, quantity, unit, scale) for name, quantity, unit, scale in felt),
+        *(one for place in range(1, drones) for one in _opponent(place)),
+    )
+
+
+def _opponent(place: int) -> tuple[Entry, ...]:
+    def entry(name: str, size: int, quantity: str, unit: str, scale: float, low: float = -LIMIT) -> Entry:
+        return Entry(f"opponent_{place}_{name}", size, quantity, unit, scale, "gate", low, LIMIT)
+
+    return (
+        entry(
+            "offset",
+            3,
+            "position minus own; opponents nearest first, zeros for one that left the air",
+            "m",
+            OPPONENT_RANGE,
+        ),
+        entry("motion", 3, "velocity minus own", "m/s", OPPONENT_RANGE),
+        entry("closeness", 1, "exp(-distance / 1 m)", "", 1.0, low=0.0),
+        entry("approach_time", 1, "until the two are nearest at constant velocities", "s", LOOK_AHEAD, low=0.0),
+        entry("approach_closeness", 1, "exp(-distance / 1 m) then", "", 1.0, low=0.0),
+    )

@@ -1,0 +1,1 @@
+"""Policies for other programs: an ONNX model, or one C99 header."""

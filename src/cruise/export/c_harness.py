@@ -1,0 +1,134 @@
+"""Compiles an exported header, feeds it recorded states, and measures how long it takes."""
+
+import os
+import shlex
+import shutil
+import subprocess
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from cruise.errors import CruiseError
+from cruise.export.recording import Recording
+
+FLAGS = ("-std=c99", "-O2", "-Wall", "-Wextra", "-Werror", "-pedantic")
+OWN = ("position_w", "velocity_w", "euler", "angular_velocity_b", "previous_action")
+SECONDS = 0.3  # measured
+
+MAIN = """\
+#include "policy.h"
+#include <stdio.h>
+#include <stdlib.h>
+#include <time.h>
+
+/* A row: own state, next gate, then position, velocity and presence of every other drone. */
+static void read_row(const float *row, {p}_state *state) {{
+    for (int i = 0; i < 3; ++i) {{
+        state->position_w[i] = row[i];
+        state->velocity_w[i] = row[3 + i];
+        state->euler[i] = row[6 + i];
+        state->angular_velocity_b[i] = row[9 + i];
+        state->previous_action[i] = row[12 + i];
+    }}
+    state->next_gate = (int)row[15];
+#if {P}_OTHERS > 0
+    for (int k = 0; k < {P}_OTHERS; ++k) {{
+        const float *other = row + 16 + 7 * k;
+        for (int i = 0; i < 3; ++i) state->others[k].position_w[i] = other[i];
+        for (int i = 0; i < 3; ++i) state->others[k].velocity_w[i] = other[3 + i];
+        state->others[k].airborne = other[6] > 0.0f;
+    }}
+#endif
+}}
+
+int main(int argc, char **argv) {{
+    const size_t count = (size_t)atol(argv[1]);
+    const double seconds = argc > 2 ? atof(argv[2]) : 0.0;
+    float row[16 + 7 * {P}_OTHERS], result[6];
+    {p}_state *states = calloc(count, sizeof *states);
+    if (states == NULL) return 1;
+    for (size_t k = 0; k < count; ++k) {{
+        if (fread(row, sizeof row, 1, stdin) != 1) return 1;
+        read_row(row, &states[k]);
+        {p}_act(&states[k], {p}_gates, {P}_GATES);
+        for (int i = 0; i < 3; ++i) result[i] = states[k].action[i];
+        {p}_acceleration(&states[k], result + 3);
+        if (fwrite(result, sizeof result, 1, stdout) != 1) return 1;
+    }}
+    if (seconds > 0.0) {{
+        double calls = 0.0;
+        const clock_t began = clock();
+        while ((double)(clock() - began) < seconds * CLOCKS_PER_SEC) {{
+            for (size_t k = 0; k < count; ++k) {p}_act(&states[k], {p}_gates, {P}_GATES);
+            calls += (double)count;
+        }}
+        fprintf(stderr, "%.9g", (double)(clock() - began) / CLOCKS_PER_SEC / calls);
+    }}
+    fprintf(stderr, " %.9g", (double){p}_self_test());
+    free(states);
+    return 0;
+}}
+"""
+
+
+class CRun(NamedTuple):
+    """What the compiled header gave for a recording."""
+
+    action: np.ndarray  # [M, 3]
+    acceleration_w: np.ndarray  # [M, 3]
+    self_test: float  # largest difference that it finds itself
+    seconds_per_call: float | None  # where it was measured
+
+
+def compiler() -> str | None:
+    """The C compiler of this machine: that of the variable CC, or cc, gcc, clang; None where there is none."""
+    named = os.environ.get("CC")
+    return named or next((name for name in ("cc", "gcc", "clang") if shutil.which(name)), None)
+
+
+def run_header(header: str, prefix: str, recording: Recording, folder: Path, measure: bool = False) -> CRun:
+    """Compile the header in `folder`, strictly, and ask it for every recorded step.
+
+    Raises:
+        CruiseError: there is no compiler, or it does not take the header.
+    """
+    program = _compile(header, prefix, folder)
+    rows = input_rows(recording)
+    seconds = [str(SECONDS)] if measure else []
+    done = subprocess.run(
+        [str(program), str(len(rows)), *seconds], input=rows.tobytes(), capture_output=True, check=False, timeout=300
+    )
+    if done.returncode:
+        raise CruiseError(f"the compiled header ended with {done.returncode}")
+    result = np.frombuffer(done.stdout, np.float32).reshape(-1, 6)
+    *took, self_test = (float(word) for word in done.stderr.split())
+    return CRun(result[:, :3], result[:, 3:], self_test, took[0] if took else None)
+
+
+def _compile(header: str, prefix: str, folder: Path) -> Path:
+    cc = compiler()
+    if cc is None:
+        raise CruiseError("no C compiler found: name one with the variable CC")
+    (folder / "policy.h").write_text(header, encoding="utf-8")
+    (folder / "main.c").write_text(MAIN.format(p=prefix, P=prefix.upper()), encoding="utf-8")
+    program = folder / "main"
+    command = [*shlex.split(cc), *FLAGS, "main.c", "-o", program.name, "-lm"]
+    try:
+        subprocess.run(command, cwd=folder, check=True, capture_output=True, text=True, timeout=300)
+    except OSError as error:
+        raise CruiseError(f"C compiler {cc!r} cannot be run: {error.strerror}") from None
+    except subprocess.CalledProcessError as error:
+        raise CruiseError(f"C compiler {cc!r} refused the header: {error.stderr.strip()[:300]}") from None
+    return program
+
+
+def input_rows(recording: Recording) -> np.ndarray:
+    """[M, R] float32, as the harness reads them."""
+    inputs = recording.inputs
+    columns = [*(inputs[name] for name in OWN), inputs["next_gate"][:, None]]
+    if "others_position_w" in inputs:
+        each = (inputs["others_position_w"], inputs["others_velocity_w"], inputs["others_airborne"][:, :, None])
+        others = np.concatenate(each, axis=2)
+        columns.append(others.reshape(len(others), -1))
+    return np.ascontiguousarray(np.concatenate(columns, axis=1), np.float32)

@@ -1,0 +1,121 @@
+"""Exports as files. Each is compared with the policy on recorded races before it is written."""
+
+import os
+import tempfile
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from cruise.config import Track
+from cruise.errors import CruiseError
+from cruise.export.c_harness import compiler, run_header
+from cruise.export.c_header import c_header, prefix_of
+from cruise.export.contract import export_env, make_contract
+from cruise.export.onnx_policy import onnx_model
+from cruise.export.recording import Recording, record
+from cruise.storage.atomic import write_atomically
+from cruise.storage.onnx_file import Interface, load_runtime
+from cruise.storage.policy_file import Policy
+
+TOLERANCE = 1e-5  # of actions, which are in [-1, 1]
+CALLS = 2000  # measured, after a tenth as many to warm up
+
+StrPath = str | os.PathLike[str]
+
+
+@dataclass(frozen=True)
+class Exported:
+    """A written file."""
+
+    path: Path
+    size: int  # [bytes]
+    difference: float | None  # largest from JAX in any action; None where no compiler was there to tell
+    steps: int  # recorded and compared
+    seconds_per_call: float | None  # for one drone, where it was measured
+
+
+@dataclass(frozen=True)
+class Exporter:
+    """A policy, with races recorded on a track to compare exports with."""
+
+    policy: Policy
+    track: Track
+    recording: Recording
+
+    @classmethod
+    def of(cls, policy: Policy, track: Track) -> "Exporter":
+        """Record the races. Raises CruiseError where the policy cannot be exported, or does not fit the track."""
+        return cls(policy, track, record(export_env(policy, track), policy.pilot()))
+
+    def onnx(self, path: StrPath, interface: Interface = "state", measure: bool = False) -> Exported:
+        """Write an ONNX model.
+
+        Args:
+            path: of the file.
+            interface: `state`: SI units in, world-frame action out; `observation`: the bare network.
+            measure: how long onnxruntime takes for one drone on one core.
+
+        Raises:
+            CruiseError: a library is missing, the model does not do as the policy does, or the file cannot be written.
+        """
+        env = export_env(self.policy, self.track)
+        data = onnx_model(self.policy, make_contract(self.policy, self.track, env, interface))
+        session = load_runtime().InferenceSession(data, providers=["CPUExecutionProvider"])
+        inputs, wanted = self.expected(interface)
+        difference = _difference(session.run(["action"], inputs)[0], wanted["action"])
+        _require_equal(difference, "the ONNX model")
+        seconds = _time_onnx(data, inputs) if measure else None
+        write_atomically(Path(path), data)
+        return Exported(Path(path), len(data), difference, len(wanted["action"]), seconds)
+
+    def c(self, path: StrPath, measure: bool = False) -> Exported:
+        """Write a C99 header; it is compiled and compared where there is a compiler.
+
+        Args:
+            path: of the file.
+            measure: how long the compiled header takes for one drone.
+
+        Raises:
+            CruiseError: it does not compile or do as the policy does, or the file cannot be written.
+        """
+        header = c_header(self.policy, self.track, self.recording)
+        difference, seconds = None, None
+        if compiler() is not None or measure:
+            with tempfile.TemporaryDirectory() as folder:
+                run = run_header(header, prefix_of(self.policy), self.recording, Path(folder), measure)
+            difference, seconds = _difference(run.action, self.recording.outputs["action"]), run.seconds_per_call
+            _require_equal(difference, "the C header")
+        data = header.encode()
+        write_atomically(Path(path), data)
+        return Exported(Path(path), len(data), difference, len(self.recording.observation), seconds)
+
+    def expected(self, interface: Interface) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+        """What goes into the model, and what must come out, row by row."""
+        if interface == "observation":
+            return {"observation": self.recording.observation}, {"action": self.recording.network}
+        inputs = dict(self.recording.inputs)
+        return inputs | {"next_gate": inputs["next_gate"].astype(np.int64)}, self.recording.outputs
+
+
+def _difference(given: np.ndarray, wanted: np.ndarray) -> float:
+    return float(np.abs(given - wanted).max())
+
+
+def _require_equal(difference: float, what: str) -> None:
+    if not difference <= TOLERANCE:
+        raise CruiseError(f"{what} differs from the policy by {difference:.2g}, more than {TOLERANCE:g}: not written")
+
+
+def _time_onnx(data: bytes, inputs: dict[str, np.ndarray]) -> float:
+    runtime = load_runtime()
+    options = runtime.SessionOptions()
+    options.intra_op_num_threads = 1
+    session = runtime.InferenceSession(data, options, providers=["CPUExecutionProvider"])
+    one = {name: value if name.startswith("gate_") else value[:1] for name, value in inputs.items()}
+    for calls in (CALLS // 10, CALLS):
+        began = time.perf_counter()
+        for _ in range(calls):
+            session.run(["action"], one)
+    return (time.perf_counter() - began) / CALLS

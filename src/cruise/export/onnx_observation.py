@@ -1,0 +1,142 @@
+"""The observations of `cruise.env.observation` as ONNX nodes, from the state in SI units. Batch axis B leads."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cruise.dynamics.cascade import AGILITY_SCALE, RATE_SCALE
+from cruise.env import observation as env
+from cruise.export.onnx_values import Graph, Value
+
+
+@dataclass(frozen=True)
+class StateInputs:
+    """What the graph is fed with; see `cruise.export.contract.state_ports`."""
+
+    position: Value  # [B, 3]
+    velocity: Value
+    euler: Value
+    rates: Value
+    previous_action: Value
+    next_gate: Value  # [B]
+    gates: Value  # [G, 3]
+    gate_yaw: Value  # [G]
+    others_position: Value | None = None  # [B, N-1, 3]
+    others_velocity: Value | None = None
+    others_airborne: Value | None = None  # [B, N-1]
+
+
+def gate_rotation(g: Graph, state: StateInputs) -> Value:
+    """[B, 3, 3] turns world vectors, as rows, into the frame of the target gate."""
+    yaw = g.expand(g.node("Gather", state.gate_yaw, state.next_gate, kind=np.float32), 1)
+    cos, sin = g.node("Cos", yaw), g.node("Sin", yaw)
+    zero = cos * 0.0
+    return g.shaped(g.join([cos, -sin, zero, sin, cos, zero, zero, zero, zero + 1.0]), -1, 3, 3)
+
+
+def rotated(g: Graph, vectors: list[Value], rotation: Value) -> list[Value]:
+    """World vectors [B, 3] turned."""
+    turned = g.stack(vectors) @ rotation
+    return [g.squeeze(g.part(turned, i, i + 1, axis=1), 1) for i in range(len(vectors))]
+
+
+def extended(g: Graph, state: StateInputs, agility: float) -> Value:
+    """[B, O] as `cruise.env.observation.extended_observation`; the vehicle is the paper's."""
+    gates = [state.next_gate, *(_gate_ahead(g, state, ahead) for ahead in (1, 2))]
+    target, second, third = (g.node("Gather", state.gates, gate, kind=np.float32) for gate in gates)
+    next_yaw = g.expand(g.node("Gather", state.gate_yaw, gates[1], kind=np.float32), 1)
+    next_normal = g.join([g.node("Cos", next_yaw), g.node("Sin", next_yaw), next_yaw * 0.0])
+    rotation = gate_rotation(g, state)
+    world = [state.position - target, second - target, third - second, next_normal, state.velocity, *_felt(g, state)]
+    place, to_second, to_third, normal, velocity, thrust, rates, previous = rotated(g, world, rotation)
+    distance = g.norm(place)
+    time = g.clip(-g.part(place, 0, 1) / g.largest(g.part(velocity, 0, 1), env.MIN_CLOSING_SPEED), 0.0, env.LOOK_AHEAD)
+    parts = [
+        place / env.GATE_RANGE,
+        distance / env.DISTANCE_MAX,
+        to_second / env.DISTANCE_MAX,
+        to_third / env.DISTANCE_MAX,
+        g.part(normal, 0, 2),
+        velocity / env.SPEED_RANGE,
+        -g.dot(velocity, place) / (distance + env.EPSILON) / env.SPEED_RANGE,
+        g.part(state.position, 2, 3) / env.HEIGHT_RANGE,
+        (g.part(place, 1, 3) + g.part(velocity, 1, 3) * time) / 2.0,
+        time / env.LOOK_AHEAD,
+        thrust,
+        rates / RATE_SCALE,
+        previous * (agility / AGILITY_SCALE),  # agility x action x control_dt over AGILITY_SCALE x control_dt
+    ]
+    if state.others_position is not None:
+        parts.append(_nearest_first(g, state, rotation))
+    return g.clip(g.join(parts), -env.LIMIT, env.LIMIT)
+
+
+def _gate_ahead(g: Graph, state: StateInputs, ahead: int) -> Value:
+    count = g.node("Squeeze", g.node("Shape", state.gate_yaw, kind=np.int64))
+    return g.node("Mod", state.next_gate + ahead, count)
+
+
+def _felt(g: Graph, state: StateInputs) -> list[Value]:
+    """Thrust axis, rates turned level by the yaw, previous action; in the world."""
+    roll, pitch, yaw = (g.part(state.euler, i, i + 1) for i in range(3))
+    (sin_r, cos_r), (sin_p, cos_p), (sin_y, cos_y) = ((g.node("Sin", a), g.node("Cos", a)) for a in (roll, pitch, yaw))
+    thrust = g.join([cos_y * sin_p * cos_r + sin_y * sin_r, sin_y * sin_p * cos_r - cos_y * sin_r, cos_p * cos_r])
+    p, q, r = (g.part(state.rates, i, i + 1) for i in range(3))
+    level = g.join([cos_y * p - sin_y * q, sin_y * p + cos_y * q, r])
+    return [thrust, level, g.clip(state.previous_action, -1.0, 1.0)]
+
+
+def _nearest_first(g: Graph, state: StateInputs, rotation: Value) -> Value:
+    """[B, 9 (N - 1)] opponents, zeros for those that left the air."""
+    assert state.others_position is not None
+    assert state.others_velocity is not None
+    assert state.others_airborne is not None
+    offset = state.others_position - g.expand(state.position, 1)
+    motion = state.others_velocity - g.expand(state.velocity, 1)
+    separation = g.norm(offset)
+    time = g.clip(-g.dot(offset, motion) / g.largest(g.dot(motion, motion), 0.01), 0.0, env.LOOK_AHEAD)
+    features = g.join(
+        [
+            offset @ rotation / env.OPPONENT_RANGE,
+            motion @ rotation / env.OPPONENT_RANGE,
+            g.node("Exp", -separation),
+            time / env.LOOK_AHEAD,
+            g.node("Exp", -g.norm(offset + motion * time)),
+        ],
+        axis=2,
+    )
+    here = g.expand(state.others_airborne, 2)
+    seen = g.node("Where", here, features, 0.0 * features, kind=np.float32)
+    ranked = g.node("Where", here, separation, 0.0 * separation + env.ABSENT, kind=np.float32)
+    count = g.part(g.node("Shape", seen, kind=np.int64), 1, 2, axis=0)
+    _, order = g.nodes_of("TopK", ranked, count, outputs=2, axis=1, largest=0, sorted=1)
+    order = g.node("Expand", Value(g, order.name, np.int64), g.node("Shape", seen, kind=np.int64))
+    return g.shaped(g.node("GatherElements", seen, order, axis=1), 0, -1)
+
+
+def paper(g: Graph, state: StateInputs, num_gates: int) -> Value:
+    """[B, O] as `cruise.env.observation.paper_observation`."""
+    to_gate = g.node("Gather", state.gates, state.next_gate, kind=np.float32) - state.position
+    distance = g.norm(to_gate)
+    turned = g.part(state.euler, 2, 3) - g.expand(g.node("Gather", state.gate_yaw, state.next_gate, kind=np.float32), 1)
+    numbers = g.constant(np.arange(num_gates, dtype=np.int64)[None])
+    one_hot = g.node("Cast", g.node("Equal", g.expand(state.next_gate, 1), numbers), kind=np.float32, to=1)
+    parts = [
+        to_gate / env.DISTANCE_MAX,
+        distance / env.DISTANCE_MAX,
+        state.velocity / env.SPEED_MAX,
+        g.dot(state.velocity, to_gate) / (distance + env.EPSILON) / env.SPEED_MAX,
+        one_hot,
+        state.position / env.DISTANCE_MAX,
+        g.node("Sin", turned),
+        g.node("Cos", turned),
+    ]
+    if state.others_position is not None:
+        assert state.others_airborne is not None
+        offset = state.others_position - g.expand(state.position, 1)
+        here = g.expand(state.others_airborne, 2)
+        offset = g.node("Where", here, offset, 0.0 * offset, kind=np.float32)
+        separation = g.norm(offset) / env.DISTANCE_MAX
+        far = g.node("Where", here, separation, 0.0 * separation + 1.0, kind=np.float32)
+        parts += [g.shaped(offset / env.DISTANCE_MAX, 0, -1), g.shaped(far, 0, -1)]
+    return g.clip(g.join(parts), -1.0, 1.0)

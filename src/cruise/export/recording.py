@@ -1,0 +1,100 @@
+"""Races recorded with everything that goes into a policy and everything that comes out, to compare an export with."""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from cruise.dynamics.cascade import commanded_acceleration, velocity_error
+from cruise.env.race_env import RaceEnv
+from cruise.env.types import RaceState
+from cruise.pilots.neural import NeuralPilot
+from cruise.presets import VEHICLES
+from cruise.racing.course import Course
+from cruise.racing.field import opponent, opponents
+from cruise.rollout import team_rules
+
+RACES, STEPS = 16, 250
+
+
+class Recording(NamedTuple):
+    """Rows of drones in the air: inputs and outputs by name, as in the contract."""
+
+    inputs: dict[str, np.ndarray]
+    outputs: dict[str, np.ndarray]
+    observation: np.ndarray  # [M, O]
+    network: np.ndarray  # [M, A] what the network says
+
+
+def record(env: RaceEnv, pilot: NeuralPilot, seed: int = 0) -> Recording:
+    """Fly `RACES` races for `STEPS` control steps under the rules of a race, and keep every drone's every step."""
+    seen, wanted, airborne = _fly(env, pilot, jax.random.key(seed))
+    rows = np.asarray(airborne).reshape(-1)
+    flat = {name: np.asarray(value).reshape(-1, *value.shape[3:])[rows] for name, value in (seen | wanted).items()}
+    inputs = {name: flat[name] for name in seen if name in flat}
+    inputs |= {name: np.asarray(value) for name, value in _gates(env.course).items()}
+    return Recording(
+        inputs,
+        {name: flat[name] for name in ("action", "acceleration_w")},
+        flat["observation"],
+        flat["network"],
+    )
+
+
+def _gates(course: Course) -> dict[str, Array]:
+    return {"gate_position_w": course.position_w.T, "gate_yaw": jnp.arctan2(course.normal_w[1], course.normal_w[0])}
+
+
+@eqx.filter_jit
+def _fly(env: RaceEnv, pilot: NeuralPilot, key: Array) -> tuple[dict[str, Array], dict[str, Array], Array]:
+    """[T, E, N, ...] of everything, and who was in the air."""
+    everyone = tuple(range(env.num_drones))
+    vehicle = VEHICLES[pilot.vehicle]
+    rules = team_rules([pilot] * env.num_drones, vehicle.collision_distance, 0, (RACES,))
+
+    def step(carry: tuple[RaceState, Array], nothing: None) -> tuple[tuple[RaceState, Array], tuple]:
+        state, previous = carry
+        observation = env.observe_as[pilot.observation](state)
+        _, action = pilot.act(env, everyone, (), state, key)
+        body = state.drones.body
+        error, error_before = (velocity_error(a, pilot.agility, vehicle.control_dt) for a in (action, previous))
+        wanted = {
+            "observation": observation,
+            "network": pilot.params.mean_action(observation),
+            "action": action,
+            "acceleration_w": commanded_acceleration(vehicle, error, error_before, body.velocity_w),
+        }
+        after, _ = env.step(state, action, rules)
+        kept = (_seen(state, previous), jax.tree.map(_users, wanted), state.airborne.T)
+        return (after, action), kept
+
+    start = env.reset(key, (RACES,))
+    rest = jnp.zeros((env.dynamics.action_size, env.num_drones, RACES))
+    return jax.lax.scan(step, (start, rest), length=STEPS)[1]
+
+
+def _seen(state: RaceState, previous: Array) -> dict[str, Array]:
+    body, drones = state.drones.body, state.airborne.shape[0]
+    own = {name: _users(value) for name, value in body._asdict().items()}
+    own |= {"previous_action": _users(previous), "next_gate": state.next_gate.T.astype(jnp.int32)}
+    if drones == 1:
+        return own
+
+    def others(values: Array) -> Array:
+        """[C, N, E] of every drone's opponents, own number + 1 first and around: [E, N, N - 1, C]."""
+        around = jnp.stack([opponent(values, k, 1) for k in opponents(drones)])  # [N - 1, C, N, E]
+        return around.transpose(3, 2, 0, 1)
+
+    return own | {
+        "others_position_w": others(body.position_w),
+        "others_velocity_w": others(body.velocity_w),
+        "others_airborne": others(state.airborne[None])[..., 0],
+    }
+
+
+def _users(values: Array) -> Array:
+    """[C, N, E] -> [E, N, C]."""
+    return values.T

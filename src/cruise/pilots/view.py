@@ -1,0 +1,144 @@
+"""What a pilot in plain Python sees of a race: NumPy arrays, SI units, the world's frame."""
+
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import numpy as np
+from jaxtyping import Array
+
+from cruise.env.race_env import RaceEnv
+from cruise.env.types import RaceState
+from cruise.racing.course import Course
+
+
+class Gates(NamedTuple):
+    """The gates of the track in the order of flight; world frame, z up."""
+
+    position_w: np.ndarray  # [G, 3] centres of the openings [m]
+    yaw: np.ndarray  # [G] heading of the normal, the direction of flight [rad]
+    normal_w: np.ndarray  # [G, 3] (cos yaw, sin yaw, 0)
+    width: np.ndarray  # [G] of the opening [m]
+    height: np.ndarray  # [G] of the opening [m]
+
+
+class View(NamedTuple):
+    """What a pilot sees when it is asked for an action.
+
+    `act(view)` is asked for one drone of one race: shapes are as below. `act_batch(view)` is asked for all drones of
+    all races that the pilot flies at once, M of them, in the same order every time: each array but those of `gates` has
+    a leading axis M.
+    """
+
+    time: float | np.ndarray  # since the start; 0 at a pilot's first step [s]
+    drone: int | np.ndarray  # which one it flies, counted from 0
+    position_w: np.ndarray  # [3] m
+    velocity_w: np.ndarray  # [3] m/s
+    euler: np.ndarray  # [3] roll, pitch, yaw (ZYX) [rad]
+    angular_velocity_b: np.ndarray  # [3] about the body's axes [rad/s]
+    next_gate: int | np.ndarray  # index of the gate to pass next
+    gates_passed: int | np.ndarray  # since the start
+    airborne: bool | np.ndarray  # still racing; `act` is asked only while it is
+    others_position_w: np.ndarray  # [N-1, 3] of the other drones, from the next in number on and around [m]
+    others_velocity_w: np.ndarray  # [N-1, 3] m/s
+    others_airborne: np.ndarray  # [N-1] bool: who is not has left the air and obstructs nobody
+    observation: np.ndarray | None  # [O] of the kind that the pilot's attribute `observation` names, or None
+    gates: Gates
+    control_dt: float  # between two actions [s]
+    agility: float  # scale of the action [m/s^2 in the paper's vehicle]
+
+
+class Sight(NamedTuple):
+    """All drones of all races at one moment. Leading axes [E, N]."""
+
+    time: np.ndarray  # [E] s
+    position_w: np.ndarray
+    velocity_w: np.ndarray
+    euler: np.ndarray
+    angular_velocity_b: np.ndarray
+    next_gate: np.ndarray
+    gates_passed: np.ndarray
+    airborne: np.ndarray
+    observations: dict[str, np.ndarray]  # by kind
+
+
+def gates_of(course: Course) -> Gates:
+    """The gates as a pilot sees them."""
+    x, y = np.asarray(course.normal_w, np.float64)
+    width, height = 2 * np.asarray(course.half_size, np.float64)
+    normal_w = np.stack([x, y, np.zeros_like(x)], axis=1)
+    return Gates(np.asarray(course.position_w, np.float64).T, np.arctan2(y, x), normal_w, width, height)
+
+
+def look(env: RaceEnv, state: RaceState, kinds: tuple[str, ...]) -> Sight:
+    """See races [*B]; `kinds` are the observations that somebody asks for."""
+    vectors, flags, observations = jax.tree.map(np.asarray, _look(env, state, kinds))
+    passed_time = flags.pop("step") * env.dynamics.control_dt
+    floats = {name: np.asarray(value, np.float64) for name, value in vectors.items()}
+    return Sight(time=passed_time, **floats, **flags, observations=observations)
+
+
+@eqx.filter_jit
+def _look(env: RaceEnv, state: RaceState, kinds: tuple[str, ...]) -> tuple[dict[str, Array], ...]:
+    batch = state.step.ndim
+
+    def users(values: Array) -> Array:
+        """[C, N, *B] -> [E, N, C], [N, *B] -> [E, N] and [*B] -> [E]."""
+        return values.reshape(*values.shape[: values.ndim - batch], -1).T
+
+    drones = state.drones
+    vectors = {
+        "position_w": users(drones.position_w),
+        "velocity_w": users(drones.velocity_w),
+        "euler": users(env.dynamics.euler(drones)),
+        "angular_velocity_b": users(drones.body.angular_velocity_b),
+    }
+    flags = {name: users(getattr(state, name)) for name in ("step", "next_gate", "gates_passed", "airborne")}
+    return vectors, flags, {kind: users(env.observe_as[kind](state)) for kind in kinds}
+
+
+class Lookout(NamedTuple):
+    """Gives each drone of a crew its view."""
+
+    gates: Gates
+    control_dt: float
+    agility: float
+    observation: str | None
+
+    def views(self, sight: Sight, drones: Sequence[int]) -> View:
+        """The views of some drones in every race, M = n E rows, drone after drone."""
+        total = sight.airborne.shape[1]
+        parts = [self._columns(sight, drone, [(drone + k) % total for k in range(1, total)]) for drone in drones]
+        columns = [np.concatenate(column) for column in zip(*parts, strict=True)]
+        return self._view(columns)
+
+    def one_by_one(self, views: View, wanted: np.ndarray) -> Iterator[tuple[int, View]]:
+        """Each wanted row of a batch of views, with its number; plain numbers where a row has one number."""
+        columns = [column for column in views if isinstance(column, np.ndarray)]
+        plain = [column.tolist() if column.ndim == 1 else column for column in columns]
+        for row in np.flatnonzero(wanted).tolist():
+            yield row, self._view([column[row] for column in plain])
+
+    def _view(self, columns: Sequence[Any]) -> View:
+        """`columns` in the order of the view's fields; the observation only where it is asked for."""
+        names = View._fields[: len(columns)]
+        named = {"observation": None} | dict(zip(names, columns, strict=True))
+        return View(**named, gates=self.gates, control_dt=self.control_dt, agility=self.agility)
+
+    def _columns(self, sight: Sight, drone: int, others: list[int]) -> tuple[np.ndarray, ...]:
+        columns = (
+            sight.time,
+            np.full(len(sight.time), drone),
+            sight.position_w[:, drone],
+            sight.velocity_w[:, drone],
+            sight.euler[:, drone],
+            sight.angular_velocity_b[:, drone],
+            sight.next_gate[:, drone],
+            sight.gates_passed[:, drone],
+            sight.airborne[:, drone],
+            sight.position_w[:, others],
+            sight.velocity_w[:, others],
+            sight.airborne[:, others],
+        )
+        return columns if self.observation is None else (*columns, sight.observations[self.observation][:, drone])
