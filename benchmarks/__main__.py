@@ -17,7 +17,7 @@ from rich.console import Console
 from benchmarks.headline import FULL, QUICK, headline
 from benchmarks.report import show
 from benchmarks.sweeps import sweep
-from cruise.cli.compilation import use_compilation_cache
+from cruise.cli.compilation import prepare_training
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ def _compile_into(cache: Path) -> None:
     """Keep compiled programs where the processes started by `benchmarks.startup` keep theirs."""
     os.environ["XDG_CACHE_HOME"] = str(cache)
     jax.config.update("jax_compilation_cache_dir", None)  # the user's, had he named one, would not be cold
-    use_compilation_cache()
+    prepare_training()
 
 
 def say(line: str) -> None:

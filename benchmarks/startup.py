@@ -75,9 +75,9 @@ def _child(cache: Path, *task: str) -> dict[str, Any]:
 
 def _training() -> dict[str, float]:
     """Start as `cruise train` does, up to the first update; then once more, which compiles nothing."""
-    from cruise.cli.compilation import use_compilation_cache  # noqa: PLC0415  (imports are part of a start)
+    from cruise.cli.compilation import prepare_training  # noqa: PLC0415  (imports are part of a start)
 
-    use_compilation_cache()
+    prepare_training()
     from benchmarks.training import TrainingCase  # noqa: PLC0415
     from cruise.config import TrainConfig  # noqa: PLC0415
 

@@ -11,6 +11,7 @@ from cruise.presets import VEHICLES
 from cruise.racing.track_file import load_track
 from cruise.report.training_figure import draw_training
 from cruise.storage.policy_file import load_policy
+from cruise.training.devices import use_cores
 from cruise.training.session import Session, default_folder, read_metrics
 from cruise.training.trainer import Progress
 from cruise.training.validation import check_config
@@ -40,6 +41,7 @@ def train(
     """
     config = config or TrainConfig()
     check_config(config)
+    use_cores()
     folder = Path(out) if out else default_folder(config)
     session = Session(folder, config, load_track(config.track), VEHICLES[config.vehicle])
     for progress in session:

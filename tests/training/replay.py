@@ -12,7 +12,7 @@ from cruise.env.types import RaceState, Rules
 from cruise.pilots.network import ActorCritic
 from cruise.training.types import TrainState
 from tests.training import reference
-from tests.training.runs import RACES, tiny_trainer
+from tests.training.runs import tiny_trainer
 
 
 class Replayed(NamedTuple):
@@ -43,16 +43,18 @@ def networks_actions(model: ActorCritic, observation: np.ndarray) -> np.ndarray:
     return reference.mean_action(model, observation)
 
 
-def replay(before: TrainState, rules: Rules, alone: bool, own_actions: np.ndarray) -> Replayed:
-    """Fly a rollout from `before`, the active drones by the actions [T, A, E] that were drawn."""
+def replay(before: TrainState, starts: RaceState, rules: Rules, alone: bool, own_actions: np.ndarray) -> Replayed:
+    """Fly a rollout from `before`, the active drones by the actions [T, A, E] that were drawn; race e begins anew from
+    start e."""
     env = compiled_env()
     races, restart = numpy_copy(before.races), np.array(before.restart)
     older = np.array(before.opponents.uses_previous)
-    starts = pool_of_starts(env, before, alone)
+    starts = numpy_copy(starts)
+    starts.out[1:] |= alone
     lived: list[dict] = []
-    for t, action in enumerate(own_actions):
+    for action in own_actions:
         for e in np.flatnonzero(restart):
-            begin(races, starts, race=e, entry=(e + t) % RACES)
+            begin(races, starts, race=e)
         older &= ~restart
         observation = np.asarray(env.observe(races))
         opponents = {use: networks_actions(model, observation[:, 1]) for use, model in generations(before)}
@@ -83,17 +85,10 @@ def generations(state: TrainState) -> list[tuple[bool, ActorCritic]]:
     return [(False, state.opponents.newest), (True, state.opponents.previous)]
 
 
-def pool_of_starts(env: RaceEnv, before: TrainState, alone: bool) -> RaceState:
-    """The starts of a rollout, a function of the state's key."""
-    fresh = numpy_copy(env.reset(jax.random.split(before.key, 3)[1], (RACES,)))
-    fresh.out[1:] |= alone
-    return fresh
-
-
-def begin(races: RaceState, starts: RaceState, race: int, entry: int) -> None:
-    """Race number `race` becomes the start number `entry`, in place."""
+def begin(races: RaceState, starts: RaceState, race: int) -> None:
+    """Race number `race` becomes its start, in place."""
     for now, start in zip(jax.tree.leaves(races), jax.tree.leaves(starts), strict=True):
-        now[..., race] = start[..., entry]
+        now[..., race] = start[..., race]
 
 
 def numpy_copy(races: RaceState) -> RaceState:

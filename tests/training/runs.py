@@ -3,7 +3,7 @@
 import copy
 import functools
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -46,10 +46,16 @@ def tiny_trainer() -> Trainer:
     return Trainer(TINY, TRACKS["ring"], VEHICLES["paper"])
 
 
-def shared_trainer(config: TrainConfig, track: Track = TRACKS["ring"], vehicle: Vehicle = VEHICLES["paper"]) -> Trainer:
+def shared_trainer(
+    config: TrainConfig,
+    track: Track = TRACKS["ring"],
+    vehicle: Vehicle = VEHICLES["paper"],
+    devices: Sequence[jax.Device] | None = None,
+) -> Trainer:
     """A trainer for another seed or checkpoint interval, which asks for no other program than the tiny run's."""
     assert replace(config, seed=TINY.seed, checkpoint_seconds=TINY.checkpoint_seconds) == TINY
     assert (track, vehicle) == (TRACKS["ring"], VEHICLES["paper"])
+    assert devices is None or list(devices) == list(tiny_trainer().mesh.devices)
     trainer = copy.copy(tiny_trainer())
     trainer.config = config
     return trainer

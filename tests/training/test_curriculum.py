@@ -140,7 +140,7 @@ def test_nothing_is_ever_compiled_twice(tmp_path):
     save_checkpoint(tmp_path, state, {})
     read, _ = load_checkpoint(tmp_path, trainer.state_shape())
     for phase in trainer.phases:
-        for start in (trainer.initial_state(), state, read, replace_opponents(state), play_on(state)):
+        for start in (trainer.initial_state(), state, trainer.place(read), replace_opponents(state), play_on(state)):
             after, _ = trainer.update(start, trainer.rules_of(phase), jnp.asarray(True))
             trainer.evaluate(
                 after.model, after.opponents.newest, trainer.rules_of(phase), jnp.asarray(False), jax.random.key(0)

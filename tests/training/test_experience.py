@@ -7,7 +7,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from cruise.training.experience import begin_again, hide_opponents, make_collect, opponent_actions
+from cruise.training.experience import (
+    begin_again,
+    draw,
+    hide_opponents,
+    make_collect,
+    opponent_actions,
+)
 from cruise.training.types import OpponentPool, TrainState
 from tests.training import reference
 from tests.training.replay import Replayed, replay
@@ -27,16 +33,22 @@ def busy_state(alone: bool) -> TrainState:
 
 @functools.cache
 def collector():
-    return jax.jit(make_collect(tiny_trainer().env, RACES, STEPS, TINY.episode_steps))
+    return jax.jit(make_collect(tiny_trainer().env, TINY.episode_steps))
+
+
+@functools.cache
+def drawer():
+    return jax.jit(functools.partial(draw, tiny_trainer().env, num_races=RACES, rollout_steps=STEPS))
 
 
 @functools.cache
 def two_rollouts(alone: bool) -> list[tuple]:
     """(state before, state after, experience, the same flown again), the second from where the first ended."""
     state, rules, result = busy_state(alone), last_rules(), []
-    for _ in range(2):
-        after, experience = collector()(state, rules, jnp.asarray(alone))
-        again = replay(state, rules, alone, np.asarray(experience.transitions.action))
+    for number in range(2):
+        draws = drawer()(jax.random.key(number))
+        after, experience = collector()(state, draws, rules, jnp.asarray(alone))
+        again = replay(state, draws.start, rules, alone, np.asarray(experience.transitions.action))
         result.append((state, after, experience, again))
         state = after
     return result
@@ -106,7 +118,8 @@ def test_opponents_change_with_the_race_and_not_before():
     before, after, experience, again = two_rollouts(False)[0]
     pool = before.opponents
     swapped = before._replace(opponents=pool._replace(newest=pool.previous, previous=pool.newest))
-    other = replay(swapped, last_rules(), False, np.asarray(experience.transitions.action))
+    starts = drawer()(jax.random.key(0)).start
+    other = replay(swapped, starts, last_rules(), False, np.asarray(experience.transitions.action))
     place, elsewhere = (r.drones.body.position_w[:, 1] for r in (after.races, other.races))
     assert (np.abs(np.asarray(place) - elsewhere).max(0) > 0.01).mean() > 0.9
 

@@ -2,6 +2,7 @@
 
 import functools
 from collections.abc import Callable
+from dataclasses import replace
 from typing import NamedTuple
 
 import jax
@@ -12,7 +13,7 @@ import pytest
 from cruise.config import PPOConfig
 from cruise.pilots.network import ActorCritic
 from cruise.training.experience import Experience, log_prob
-from cruise.training.ppo import make_learn, make_optimiser
+from cruise.training.ppo import flatten, make_learn, make_optimiser
 from cruise.training.types import TrainState, Transitions
 
 STEPS, RACES, UPDATES, GAMMA = 16, 16, 150, 0.5
@@ -60,28 +61,29 @@ def live(model: ActorCritic, problem: Problem, key: jax.Array) -> Experience:
 
 
 @functools.cache
-def learner() -> Callable[[TrainState, Problem], TrainState]:
+def learner(config: PPOConfig = CONFIG) -> Callable[[TrainState, Problem], TrainState]:
     """One update of a problem, compiled: one program serves them all."""
-    learn = make_learn(CONFIG, make_optimiser(CONFIG, UPDATES), UPDATES)
+    learn = make_learn(config, make_optimiser(config, UPDATES), UPDATES)
 
     def update(state: TrainState, problem: Problem) -> TrainState:
-        return learn(state, live(state.model, problem, jax.random.fold_in(state.key, 1)))[0]
+        noise_key, shuffle_key = jax.random.split(jax.random.fold_in(state.key, state.updates))
+        return learn(state, live(state.model, problem, noise_key), shuffle_key)[0]
 
     return jax.jit(update)
 
 
 def beginner(seed: int = 0, updates: int = 0) -> TrainState:
     model = ActorCritic(1, 2, CONFIG.hidden, -0.5, jax.random.key(seed))
-    optimiser = make_optimiser(CONFIG, UPDATES).init(model)
+    optimiser = make_optimiser(CONFIG, UPDATES).init(flatten(model))
     return TrainState(model, optimiser, None, None, None, jax.random.key(seed), jnp.asarray(updates, jnp.int32))
 
 
-def learned(problem: Problem) -> ActorCritic:
+def learned(problem: Problem, config: PPOConfig = CONFIG) -> ActorCritic:
     """The model after a whole run."""
     state = beginner()
     problem = jax.tree.map(jnp.float32, problem)
     for _ in range(UPDATES):
-        state = learner()(state, problem)
+        state = learner(config)(state, problem)
     return state.model
 
 
@@ -132,6 +134,13 @@ def test_a_time_limit_is_not_a_failure():
     problem = one_step(bonus=1.0)
     endless = problem._replace(terminated=np.zeros((STEPS, RACES), bool))
     assert values_at(learned(endless), 0.0) == pytest.approx(1 / (1 - GAMMA), abs=0.04)
+
+
+def test_no_more_noise_than_allowed():
+    """The entropy bonus alone would widen the policy for ever."""
+    config = replace(CONFIG, entropy_weight=1.0, max_log_std=0.1)
+    model = learned(one_step(bonus=1.0), config)
+    np.testing.assert_allclose(model.log_std, 0.1, atol=1e-6)
 
 
 def test_without_a_reason_exploration_is_kept():

@@ -31,6 +31,7 @@ def a_batch(model: ActorCritic, seed: int = 0, drift: float = 0.3) -> Batch:
     action = mean + np.exp(np.float64(model.log_std))[:, None] * rng.normal(size=mean.shape)
     old = reference.log_prob(mean, model.log_std, action) + drift * rng.normal(size=SAMPLES)
     advantage, target = rng.normal(2.0, 3.0, size=(2, SAMPLES))
+    advantage = (advantage - advantage.mean()) / advantage.std()  # as a minibatch has them
     return Batch(*(jnp.asarray(x, jnp.float32) for x in (observation, action, old, advantage, target)))
 
 

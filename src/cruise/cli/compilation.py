@@ -1,10 +1,18 @@
-"""Compiled programs kept between runs, so that only the first start on a machine is slow."""
+"""How the commands start JAX: with compiled programs kept between runs, and every core a device of its own."""
 
 import contextlib
 import os
 from pathlib import Path
 
 LEAST_SECONDS = 0.1  # what compiles faster is compiled anew
+
+
+def prepare_training() -> None:
+    """What must be settled before JAX is first used, where policies are trained."""
+    from cruise.training.devices import use_cores  # noqa: PLC0415  (imports JAX)
+
+    use_cores()
+    use_compilation_cache()
 
 
 def use_compilation_cache() -> None:

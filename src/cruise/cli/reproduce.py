@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 from rich.console import Console
 from rich.table import Column, Table
 
-from cruise.cli.compilation import use_compilation_cache
+from cruise.cli.compilation import prepare_training
 from cruise.cli.line_up import described
 from cruise.errors import CruiseError
 
@@ -49,7 +49,7 @@ class Reproduce:
             raise CruiseError(f"--seeds must be between 1 and {MAX_SEEDS}, not {self.seeds}")
         if self.list + self.report_only + self.again > 1:
             raise CruiseError("--list, --report-only and --again exclude each other")
-        use_compilation_cache()
+        prepare_training()
         from cruise.reproduction.plan import choose, full_scale, make_plan, quick_scale  # noqa: PLC0415
 
         scale = quick_scale() if self.quick else full_scale(self.seeds)

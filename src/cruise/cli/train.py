@@ -8,7 +8,8 @@ from typing import Annotated, Literal
 import tyro
 from rich.console import Console
 
-from cruise.cli.compilation import use_compilation_cache
+from cruise.cli.compilation import prepare_training
+from cruise.cli.line_up import described
 from cruise.cli.progress import make_screen
 from cruise.config import RewardWeights, TrainConfig
 from cruise.errors import CruiseError
@@ -31,11 +32,14 @@ class Train:
     """Reward weights: the project's, or those printed in the paper."""
     episodes: int = 100
     """Races in which the finished policy is measured."""
+    devices: Annotated[int | None, described("N")] = None
+    """How many devices (processor cores, GPUs) share the races. By default as many as can share them equally."""
 
     def run(self) -> int:
         """Train, measure, write the policy."""
-        use_compilation_cache()
-        from cruise.api_training import CURVES, finish_run  # noqa: PLC0415  (imports JAX, as the next two do)
+        prepare_training()
+        from cruise.api_training import CURVES, finish_run  # noqa: PLC0415  (imports JAX, as the next three do)
+        from cruise.training.devices import choose_devices  # noqa: PLC0415
         from cruise.training.session import Interrupted, Session, default_folder, resume_config  # noqa: PLC0415
         from cruise.training.validation import check_config  # noqa: PLC0415
 
@@ -45,7 +49,9 @@ class Train:
         if not 1 <= self.episodes <= MAX_EPISODES:
             raise CruiseError(f"--episodes must be between 1 and {MAX_EPISODES}, not {self.episodes}")
         folder = self.resume or self.out or default_folder(config)
-        session = Session(folder, config, load_track(config.track), VEHICLES[config.vehicle], resume=bool(self.resume))
+        devices = choose_devices(config.ppo.races, self.devices)
+        track, vehicle = load_track(config.track), VEHICLES[config.vehicle]
+        session = Session(folder, config, track, vehicle, resume=bool(self.resume), devices=devices)
         try:
             with make_screen(Console(), config, session.trainer.total_steps) as screen:
                 for progress in session:

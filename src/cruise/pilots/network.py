@@ -26,10 +26,10 @@ class Perceptron(eqx.Module):
             layers.append(eqx.tree_at(lambda la: (la.weight, la.bias), layer, (weight, jnp.zeros(fan_out))))
         self.layers = tuple(layers)
 
-    def __call__(self, x: Float[Array, "I *B"]) -> Float[Array, "O *B"]:
-        """Output for a batch whose axes trail: one matrix product per layer, no transpose."""
+    def __call__(self, x: Float[Array, "I *B"], first: int = 0) -> Float[Array, "O *B"]:
+        """Output for a batch whose axes trail: a matrix product per layer, no transpose, from layer `first` on."""
         ones = (1,) * (x.ndim - 1)
-        for i, layer in enumerate(self.layers):
+        for i, layer in enumerate(self.layers[first:], first):
             assert layer.bias is not None
             x = jnp.tensordot(layer.weight, x, axes=1) + layer.bias.reshape(-1, *ones)
             if i < len(self.layers) - 1:
@@ -60,3 +60,12 @@ class ActorCritic(eqx.Module):
     def value(self, observation: Float[Array, "O *B"]) -> Float[Array, "*B"]:
         """Expected discounted return."""
         return self.critic(observation)[0]
+
+    def mean_and_value(self, observation: Float[Array, "O *B"]) -> tuple[Float[Array, "A *B"], Float[Array, "*B"]]:
+        """Both at once: the first layers see the same numbers, so that one product serves them."""
+        actor, critic = self.actor.layers[0], self.critic.layers[0]
+        parts = (actor.weight, actor.bias), (critic.weight, critic.bias)
+        weight, bias = jax.tree.map(lambda a, b: jnp.concatenate([a, b]), *parts)
+        hidden = jnp.tanh(jnp.tensordot(weight, observation, axes=1) + bias.reshape(-1, *(1,) * (observation.ndim - 1)))
+        width = len(actor.weight)
+        return self.actor(hidden[:width], 1), self.critic(hidden[width:], 1)[0]

@@ -5,14 +5,22 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Shaped
 
 from cruise.env.race_env import RaceEnv
 from cruise.env.types import RaceState, Rules, StepOutcome
 from cruise.pilots.network import ActorCritic
 from cruise.training.types import OpponentPool, TrainState, Transitions
+from cruise.vector import norm
 
 ACTIVE = 0  # the drone that learns; it starts in a random lane, so it is no special place
+
+
+class Draws(NamedTuple):
+    """The random numbers of a rollout, drawn beforehand for all races: where they lie does not change them."""
+
+    start: RaceState  # [..., N, E]; a race that begins anew in this rollout begins here
+    noise: Float[Array, "T A E"]  # white, of the actions
 
 
 class Experience(NamedTuple):
@@ -23,7 +31,7 @@ class Experience(NamedTuple):
     metrics: dict[str, Array]
 
 
-Collect = Callable[[TrainState, Rules, Array], tuple[TrainState, Experience]]
+Collect = Callable[[TrainState, Draws, Rules, Array], tuple[TrainState, Experience]]
 
 
 def log_prob(mean: Array, log_std: Array, action: Float[Array, "A *B"]) -> Float[Array, "*B"]:
@@ -53,47 +61,49 @@ def hide_opponents(races: RaceState, alone: Array) -> RaceState:
     return races._replace(out=races.out | grounded)
 
 
-def _step_metrics(outcome: StepOutcome, races: RaceState) -> dict[str, Array]:
-    speed = jnp.sqrt(sum(v * v for v in races.drones.velocity_w[:, ACTIVE]))
-    metrics = {f"reward/{name}": value[ACTIVE].mean() for name, value in outcome.components.items()}
-    metrics |= {f"collision/{name}": hit[ACTIVE].mean() for name, hit in outcome.collisions._asdict().items()}
+def _step_metrics(outcome: StepOutcome, races: RaceState) -> dict[str, Shaped[Array, "E"]]:
+    """What is logged of the active drone, race by race."""
+    metrics = {f"reward/{name}": value[ACTIVE] for name, value in outcome.components.items()}
+    metrics |= {f"collision/{name}": hit[ACTIVE] for name, hit in outcome.collisions._asdict().items()}
     return metrics | {
-        "reward": outcome.reward[ACTIVE].mean(),
-        "speed": speed.mean(),
-        "gates_passed": outcome.crossing.passed[ACTIVE].mean(),
-        "gates_missed": outcome.crossing.missed[ACTIVE].mean(),
-        "terminated": outcome.terminated[ACTIVE].mean(),
+        "reward": outcome.reward[ACTIVE],
+        "speed": norm(races.drones.velocity_w[:, ACTIVE]),
+        "gates_passed": outcome.crossing.passed[ACTIVE],
+        "gates_missed": outcome.crossing.missed[ACTIVE],
+        "terminated": outcome.terminated[ACTIVE],
     }
 
 
-def make_collect(env: RaceEnv, num_races: int, rollout_steps: int, episode_steps: int) -> Collect:
-    """A function that flies every race for `rollout_steps` steps.
+def draw(env: RaceEnv, key: Array, num_races: int, rollout_steps: int) -> Draws:
+    """Starts and noise of one rollout.
 
-    Starts come from a pool drawn once per rollout: at step t race e would start from entry e + t, so that a reset is
-    a copy of a contiguous slice. The time limit is looked at when the rollout ends, where the value after the last
-    step is computed in any case: truncation costs nothing and is bootstrapped exactly.
+    One start per race: one that ends twice in a rollout begins at the same place twice, which costs nothing, where a
+    fresh start for every race at every step would cost more than everything else together.
+    """
+    start_key, noise_key = jax.random.split(key)
+    noise = jax.random.normal(noise_key, (rollout_steps, env.dynamics.action_size, num_races))
+    return Draws(env.reset(start_key, (num_races,)), noise)
+
+
+def make_collect(env: RaceEnv, episode_steps: int) -> Collect:
+    """A function that flies every race for as many steps as there is noise for.
+
+    The time limit is looked at when the rollout ends, where the value after the last step is computed in any case:
+    truncation costs nothing and is bootstrapped exactly.
     """
 
-    def start_pool(key: Array, alone: Array) -> RaceState:
-        fresh = hide_opponents(env.reset(key, (num_races,)), alone)
-        return jax.tree.map(lambda x: jnp.concatenate([x, x[..., :rollout_steps]], axis=-1), fresh)
-
-    def collect(state: TrainState, rules: Rules, alone: Array) -> tuple[TrainState, Experience]:
-        key, start_key, noise_key = jax.random.split(state.key, 3)
-        pool = start_pool(start_key, alone)
-        noise = jax.random.normal(noise_key, (rollout_steps, env.dynamics.action_size, num_races))
+    def collect(state: TrainState, draws: Draws, rules: Rules, alone: Array) -> tuple[TrainState, Experience]:
+        start = hide_opponents(draws.start, alone)
         model: ActorCritic = state.model
         std = jnp.exp(model.log_std)[:, None]
 
-        def step(carry: tuple, t_noise: tuple) -> tuple:
+        def step(carry: tuple, white: Array) -> tuple:
             races, restart, opponents = carry
-            t, white = t_noise
-            start = jax.tree.map(lambda x: jax.lax.dynamic_slice_in_dim(x, t, num_races, axis=-1), pool)
             races = begin_again(races, start, restart)
             opponents = opponents._replace(uses_previous=opponents.uses_previous & ~restart)
             observation = env.observe(races)
             own = observation[:, ACTIVE]
-            mean, value = model.mean_action(own), model.value(own)
+            mean, value = model.mean_and_value(own)
             action = mean + std * white
             everyone = action[:, None]
             if env.num_drones > 1:
@@ -106,15 +116,14 @@ def make_collect(env: RaceEnv, num_races: int, rollout_steps: int, episode_steps
             return (races, terminated, opponents), (transition, _step_metrics(outcome, races))
 
         carry = (state.races, state.restart, state.opponents)
-        steps = (jnp.arange(rollout_steps), noise)
         transitions: Transitions
-        step_metrics: dict[str, Array]
-        (races, terminated, opponents), (transitions, step_metrics) = jax.lax.scan(step, carry, steps)
+        measured: dict[str, Array]
+        (races, terminated, opponents), (transitions, measured) = jax.lax.scan(step, carry, draws.noise)
         last_value = model.value(env.observe(races)[:, ACTIVE])
         truncated = ~terminated & (races.step >= episode_steps)
-        metrics = {name: values.mean() for name, values in step_metrics.items()}
-        metrics["truncated"] = truncated.mean() / rollout_steps
-        state = state._replace(races=races, restart=terminated | truncated, opponents=opponents, key=key)
+        metrics = {name: values.mean() for name, values in measured.items()}
+        metrics["truncated"] = truncated.mean() / len(draws.noise)
+        state = state._replace(races=races, restart=terminated | truncated, opponents=opponents)
         return state, Experience(transitions, last_value, metrics)
 
     return collect

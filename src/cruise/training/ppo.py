@@ -2,26 +2,34 @@
 
 from collections.abc import Callable
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import optax
 import rlax
+from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, Int
 
 from cruise.config import PPOConfig
 from cruise.pilots.network import ActorCritic
+from cruise.training.devices import mean_over_devices
 from cruise.training.experience import Experience, log_prob
 from cruise.training.types import Batch, TrainState
 
 
 def make_optimiser(config: PPOConfig, total_updates: int) -> optax.GradientTransformation:
-    """Adam behind a clip of the gradient's norm, its rate falling linearly over the run.
-
-    Flattened: one vector instead of a dozen small arrays, whose loops would cost more than their arithmetic.
-    """
+    """Adam behind a clip of the gradient's norm, its rate falling linearly over the run."""
     gradient_steps = max(1, total_updates * config.epochs * config.minibatches)
     schedule = optax.linear_schedule(config.learning_rate, config.final_learning_rate, gradient_steps)
-    return optax.flatten(optax.chain(optax.clip_by_global_norm(config.max_grad_norm), optax.adam(schedule, eps=1e-5)))
+    return optax.chain(optax.clip_by_global_norm(config.max_grad_norm), optax.adam(schedule, eps=1e-5))
+
+
+def flatten(model: ActorCritic) -> Float[Array, "P"]:
+    """All parameters as one vector, which is what the optimiser sees.
+
+    A dozen small arrays would cost more loops, and between devices more messages, than their arithmetic is worth.
+    """
+    return ravel_pytree(model)[0]
 
 
 def advantages(experience: Experience, gamma: float, gae_lambda: float) -> Float[Array, "T E"]:
@@ -47,13 +55,11 @@ def make_batch(experience: Experience, config: PPOConfig) -> Batch:
 def ppo_loss(
     model: ActorCritic, batch: Batch, config: PPOConfig, entropy_weight: Array
 ) -> tuple[Array, dict[str, Array]]:
-    """Clipped surrogate + value error - entropy, over a minibatch whose components lead."""
-    mean = model.mean_action(batch.observation)
-    value = model.value(batch.observation)
+    """Clipped surrogate + value error - entropy, over a minibatch, components leading, advantages standardised."""
+    mean, value = model.mean_and_value(batch.observation)
     new_log_prob = log_prob(mean, model.log_std, batch.action)
     log_ratio = new_log_prob - batch.log_prob
-    advantage = (batch.advantage - batch.advantage.mean()) / (batch.advantage.std() + 1e-8)
-    policy_loss = rlax.clipped_surrogate_pg_loss(jnp.exp(log_ratio), advantage, config.clip_ratio)
+    policy_loss = rlax.clipped_surrogate_pg_loss(jnp.exp(log_ratio), batch.advantage, config.clip_ratio)
     value_loss = optax.l2_loss(value, batch.value_target).mean()
     entropy = (model.log_std + 0.5 * jnp.log(2 * jnp.pi * jnp.e)).sum()
     loss = policy_loss + config.value_weight * 2 * value_loss - entropy_weight * entropy
@@ -72,31 +78,58 @@ def _side_by_side(rows: Float[Array, "T *C E"], chosen: Int[Array, "K"]) -> Floa
     return jnp.concatenate(picked, axis=-1)
 
 
+def _ceiling(model: ActorCritic, max_log_std: float) -> Float[Array, "P"]:
+    """The largest value of every parameter: only the deviations have one.
+
+    The environment clips actions, so that beyond some width more noise costs nothing, and the entropy bonus would widen
+    it for ever.
+    """
+    unbounded = jax.tree.map(lambda leaf: jnp.full_like(leaf, jnp.inf), model)
+    return flatten(eqx.tree_at(lambda m: m.log_std, unbounded, jnp.full_like(model.log_std, max_log_std)))
+
+
+def _moments(advantage: Float[Array, "T E"], axis: str | None) -> Float[Array, "2 T"]:
+    """Mean and mean square of every time step's advantages, over all races on all devices."""
+    return mean_over_devices(jnp.stack([advantage.mean(1), (advantage**2).mean(1)]), axis)
+
+
+def _minibatch(batch: Batch, moments: Float[Array, "2 T"], chosen: Int[Array, "K"]) -> Batch:
+    """The chosen time steps of all races, advantages standardised over the whole minibatch, on whatever device."""
+    picked: Batch = jax.tree.map(lambda rows: _side_by_side(rows, chosen), batch)
+    mean, square = moments[:, chosen].mean(1)
+    deviation = jnp.sqrt(jnp.maximum(square - mean**2, 0.0))
+    return picked._replace(advantage=(picked.advantage - mean) / (deviation + 1e-8))
+
+
 def make_learn(
-    config: PPOConfig, optimiser: optax.GradientTransformation, total_updates: int
-) -> Callable[[TrainState, Experience], tuple[TrainState, dict[str, Array]]]:
-    """A function that improves the model on one rollout.
+    config: PPOConfig, optimiser: optax.GradientTransformation, total_updates: int, axis: str | None = None
+) -> Callable[[TrainState, Experience, Array], tuple[TrainState, dict[str, Array]]]:
+    """A function that improves the model on one rollout, given a random key for the order of the minibatches.
 
     A minibatch is a random set of time steps of all races: races are independent, so it is nearly as mixed as a full
-    shuffle, and it is gathered by rows of E numbers instead of one by one.
+    shuffle, and it is gathered by rows of E numbers instead of one by one. Where the races are spread over the devices
+    of a mesh axis, every device holds its own and the gradients are averaged.
     """
     steps_per_minibatch = config.rollout_steps // config.minibatches
-
     exploration = optax.linear_schedule(config.entropy_weight, 0.0, total_updates)
 
-    def learn_minibatch(carry: tuple, minibatch: Batch, entropy_weight: Array) -> tuple:
-        model, opt_state = carry
-        gradient, metrics = jax.grad(ppo_loss, has_aux=True)(model, minibatch, config, entropy_weight)
-        updates, opt_state = optimiser.update(gradient, opt_state, model)
-        return (optax.apply_updates(model, updates), opt_state), metrics
-
-    def learn(state: TrainState, experience: Experience) -> tuple[TrainState, dict[str, Array]]:
+    def learn(state: TrainState, experience: Experience, shuffle_key: Array) -> tuple[TrainState, dict[str, Array]]:
         batch = make_batch(experience, config)
-        key, shuffle_key = jax.random.split(state.key)
+        moments = _moments(batch.advantage, axis)
         entropy_weight = exploration(state.updates)
+        parameters, unflatten = ravel_pytree(state.model)
+        most = _ceiling(state.model, config.max_log_std)
+
+        def loss(parameters: Array, minibatch: Batch) -> tuple[Array, dict[str, Array]]:
+            return ppo_loss(unflatten(parameters), minibatch, config, entropy_weight)
 
         def minibatch_step(carry: tuple, chosen: Array) -> tuple:
-            return learn_minibatch(carry, jax.tree.map(lambda x: _side_by_side(x, chosen), batch), entropy_weight)
+            parameters, opt_state = carry
+            gradient, metrics = jax.grad(loss, has_aux=True)(parameters, _minibatch(batch, moments, chosen))
+            gradient = mean_over_devices(gradient, axis)
+            updates, opt_state = optimiser.update(gradient, opt_state, parameters)
+            parameters = jnp.minimum(optax.apply_updates(parameters, updates), most)
+            return (parameters, opt_state), metrics
 
         def epoch(carry: tuple, epoch_key: Array) -> tuple:
             order = jax.random.permutation(epoch_key, config.rollout_steps)
@@ -104,8 +137,8 @@ def make_learn(
 
         keys = jax.random.split(shuffle_key, config.epochs)
         metrics: dict[str, Array]
-        (model, opt_state), metrics = jax.lax.scan(epoch, (state.model, state.optimiser), keys)
-        state = state._replace(model=model, optimiser=opt_state, key=key, updates=state.updates + 1)
+        (parameters, opt_state), metrics = jax.lax.scan(epoch, (parameters, state.optimiser), keys)
+        state = state._replace(model=unflatten(parameters), optimiser=opt_state, updates=state.updates + 1)
         return state, {name: values.mean() for name, values in metrics.items()}
 
     return learn

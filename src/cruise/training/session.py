@@ -5,7 +5,7 @@ import os
 import shlex
 import signal
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -127,15 +127,22 @@ class Session:
     """One run in one folder. Iterate over it to train."""
 
     def __init__(
-        self, folder: Path, config: TrainConfig, track: Track, vehicle: Vehicle, *, resume: bool = False
+        self,
+        folder: Path,
+        config: TrainConfig,
+        track: Track,
+        vehicle: Vehicle,
+        *,
+        resume: bool = False,
+        devices: Sequence[jax.Device] | None = None,
     ) -> None:
-        """Open a folder: a new one, or with `resume` that of an earlier run.
+        """Open a folder: a new one, or with `resume` that of an earlier run, on whatever `devices` there are now.
 
         Raises:
             CruiseError: the folder holds a run already, or none to resume, or it cannot be written.
         """
         self.folder, self.config, self.track = folder, config, track
-        self.trainer = Trainer(config, track, vehicle)
+        self.trainer = Trainer(config, track, vehicle, devices)
         self.seconds_before = 0.0
         if resume:
             self.state, meta = load_checkpoint(folder, self.trainer.state_shape())

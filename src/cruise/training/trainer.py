@@ -1,11 +1,13 @@
 """The trainer: a generator of progress. It prints nothing and writes nothing."""
 
-from collections.abc import Callable, Iterator
+import functools
+from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.sharding import NamedSharding, PartitionSpec
 from jaxtyping import Array
 
 from cruise.config import Track, TrainConfig, Vehicle
@@ -14,8 +16,17 @@ from cruise.env.types import Rules, stage_rules
 from cruise.errors import CruiseError
 from cruise.pilots.network import ActorCritic
 from cruise.training.curriculum import Phase, plan_phases
-from cruise.training.experience import hide_opponents, make_collect
-from cruise.training.ppo import make_learn, make_optimiser
+from cruise.training.devices import (
+    AXIS,
+    choose_devices,
+    make_mesh,
+    mean_over_devices,
+    over_races,
+    shardings,
+    state_specs,
+)
+from cruise.training.experience import Draws, draw, hide_opponents, make_collect
+from cruise.training.ppo import flatten, make_learn, make_optimiser
 from cruise.training.self_play import Score, has_mastered, make_evaluate, may_replace, play_on, replace_opponents
 from cruise.training.types import OpponentPool, TrainState
 
@@ -39,8 +50,14 @@ class TrainingDiverged(CruiseError):
 class Trainer:
     """Compiled functions of one run. Stateless between calls: `TrainState` is all there is."""
 
-    def __init__(self, config: TrainConfig, track: Track, vehicle: Vehicle) -> None:
-        """Build the environment and compile lazily."""
+    def __init__(
+        self, config: TrainConfig, track: Track, vehicle: Vehicle, devices: Sequence[jax.Device] | None = None
+    ) -> None:
+        """Build the environment and compile lazily.
+
+        `devices` share the races equally; by default `choose_devices` does. With the same number of them the same
+        seed gives the same run bit for bit, with another number the same but for the rounding of sums.
+        """
         self.config = config
         self.phases = plan_phases(config)
         self.total_updates = self.phases[-1].last_update
@@ -48,20 +65,43 @@ class Trainer:
         self.total_steps = self.total_updates * self.steps_per_update
         self.env: RaceEnv = make_race_env(track, config.drones, vehicle, config.observation, config.reward)
         self.optimiser = make_optimiser(config.ppo, self.total_updates)
-        self.update = jax.jit(self._make_update())
-        self.evaluate = jax.jit(make_evaluate(self.env, config.opponents))
-        self.start = jax.jit(self._start)
+        self.mesh = make_mesh(devices or choose_devices(config.ppo.races))
+        everywhere = NamedSharding(self.mesh, PartitionSpec())
+        self.places = placed = shardings(self.mesh, state_specs(self.state_shape()))
+        self.update = jax.jit(
+            self._make_update(), in_shardings=(placed, everywhere, everywhere), out_shardings=(placed, everywhere)
+        )
+        self.evaluate = jax.jit(make_evaluate(self.env, config.opponents), in_shardings=everywhere)
+        self.start = jax.jit(self._start, out_shardings=placed)
 
     def _make_update(self) -> Callable[[TrainState, Rules, Array], tuple[TrainState, dict[str, Array]]]:
-        ppo = self.config.ppo
-        collect = make_collect(self.env, ppo.races, ppo.rollout_steps, self.config.episode_steps)
-        learn = make_learn(ppo, self.optimiser, self.total_updates)
+        """Every device flies and learns from its own races; random numbers are those of all races together."""
+        ppo, env = self.config.ppo, self.env
+        collect = make_collect(env, self.config.episode_steps)
+        learn = make_learn(ppo, self.optimiser, self.total_updates, AXIS)
+
+        def fly_and_learn(state: TrainState, draws: Draws, rules: Rules, alone: Array, key: Array) -> tuple:
+            state, experience = collect(state, draws, rules, alone)
+            state, metrics = learn(state, experience, key)
+            return state, mean_over_devices(experience.metrics | metrics, AXIS)
+
+        draw_all = functools.partial(draw, env, num_races=ppo.races, rollout_steps=ppo.rollout_steps)
+        draw_specs = over_races(jax.eval_shape(draw_all, jax.random.key(0)))
+        specs, everywhere = state_specs(self.state_shape()), PartitionSpec()
+        on_devices = jax.shard_map(
+            fly_and_learn,
+            mesh=self.mesh,
+            in_specs=(specs, draw_specs, everywhere, everywhere, everywhere),
+            out_specs=(specs, everywhere),
+            check_vma=False,
+        )
 
         def update(state: TrainState, rules: Rules, alone: Array) -> tuple[TrainState, dict[str, Array]]:
-            state, experience = collect(state, rules, alone)
-            state, metrics = learn(state, experience)
-            metrics["policy/norm"] = jnp.sqrt(sum(jnp.vdot(x, x) for x in jax.tree.leaves(state.model)))
-            return state, experience.metrics | metrics
+            key, draw_key, shuffle_key = jax.random.split(state.key, 3)
+            draws = jax.lax.with_sharding_constraint(draw_all(draw_key), shardings(self.mesh, draw_specs))
+            state, metrics = on_devices(state._replace(key=key), draws, rules, alone, shuffle_key)
+            metrics["policy/norm"] = jnp.linalg.norm(flatten(state.model))
+            return state, metrics
 
         return update
 
@@ -76,11 +116,18 @@ class Trainer:
         races = races._replace(step=jax.random.randint(age_key, (ppo.races,), 0, self.config.episode_steps))
         nobody = jnp.zeros(ppo.races, bool)
         pool = OpponentPool(model, model, nobody, jnp.zeros((), jnp.int32))
-        return TrainState(model, self.optimiser.init(model), pool, races, nobody, key, jnp.zeros((), jnp.int32))
+        return TrainState(
+            model, self.optimiser.init(flatten(model)), pool, races, nobody, key, jnp.zeros((), jnp.int32)
+        )
 
     def initial_state(self) -> TrainState:
         """The state before the first update, a function of the seed."""
         return self.start(jax.random.key(self.config.seed))
+
+    def place(self, state: TrainState) -> TrainState:
+        """A state, read from a file or trained elsewhere, on the devices of this trainer."""
+        placed: TrainState = jax.device_put(state, self.places)
+        return placed
 
     def state_shape(self) -> TrainState:
         """Shapes and types of a state, for reading a checkpoint."""
@@ -101,6 +148,7 @@ class Trainer:
             TrainingDiverged: when anything measured, the norm of the parameters included, is not finite any more.
                 Whatever was yielded before is sound.
         """
+        state = self.place(state)
         done = int(state.updates)
         while done < self.total_updates:
             phase = self.phase_of(done)
@@ -122,7 +170,7 @@ class Trainer:
     def _evaluate_and_replace(
         self, state: TrainState, phase: Phase, rules: Rules, alone: Array
     ) -> tuple[Score, TrainState, bool]:
-        key = jax.random.fold_in(jax.random.key(self.config.seed + 1), state.updates)
+        key = jax.random.fold_in(jax.random.key(self.config.seed + 1), int(state.updates))
         score = self.evaluate(state.model, state.opponents.newest, rules, alone, key)
         score = Score(*(float(x) for x in score))
         if not phase.self_play:

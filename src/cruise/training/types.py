@@ -51,5 +51,5 @@ class Batch(NamedTuple):
     observation: Float[Array, "T O E"]
     action: Float[Array, "T A E"]
     log_prob: Float[Array, "T E"]
-    advantage: Float[Array, "T E"]
+    advantage: Float[Array, "T E"]  # of a minibatch: standardised
     value_target: Float[Array, "T E"]
