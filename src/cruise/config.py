@@ -119,10 +119,10 @@ class PPOConfig:
     gae_lambda: float = 0.98
     clip_ratio: float = 0.2
     value_weight: float = 0.5
-    entropy_weight: float = 0.01  # at the start; falls linearly to 0 at the end of the run
+    entropy_weight: float = 0.005  # at the start; falls linearly to 0 at the end of the run
     max_grad_norm: float = 0.5
     hidden: tuple[int, ...] = (64, 64)
-    initial_log_std: float = 0.0
+    initial_log_std: float = -0.5
     max_log_std: float = 0.0  # of the policy's Gaussian; the environment clips actions to [-1, 1]
 
 
