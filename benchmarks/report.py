@@ -27,6 +27,7 @@ TITLES = {
     "training_drones": "training over drones",
     "training_networks": "training over networks",
     "evaluations": "evaluation, 3 laps of the ring",
+    "interfaces": "through other libraries' interfaces",
     "commands": "whole commands",
 }
 
@@ -38,7 +39,8 @@ def show(figures: dict[str, Any], console: Console) -> None:
     console.print(", ".join(f"{name} {number}" for name, number in versions.items()), highlight=False)
     console.print(headline_table(figures))
     for name, rows in figures.get("tables", {}).items():
-        console.print(rows_table(TITLES[name], rows))
+        if rows:
+            console.print(rows_table(TITLES[name], rows))
 
 
 def headline_table(figures: dict[str, Any]) -> Table:

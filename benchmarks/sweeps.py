@@ -1,5 +1,6 @@
 """The whole table: how the figures change with races, drones, observation and networks."""
 
+import importlib.util
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -88,6 +89,20 @@ def evaluations(effort: Effort, say: Say) -> list[Row]:
     return _timed(rows, cases, "races_per_s", effort)
 
 
+def interfaces(effort: Effort, say: Say) -> list[Row]:
+    """Drone-steps per second through Gymnasium and PettingZoo, one race and many; no row where they are missing."""
+    if any(importlib.util.find_spec(library) is None for library in ("gymnasium", "pettingzoo")):
+        say("left out, because gymnasium or pettingzoo is not installed: their interfaces")
+        return []
+    from benchmarks.adapters import DRONES as EACH  # noqa: PLC0415
+    from benchmarks.adapters import INTERFACES, InterfaceCase  # noqa: PLC0415
+
+    rows: list[Row] = [{"interface": name} for name in INTERFACES]
+    cases = _built(rows, lambda row: InterfaceCase(row["interface"]), "interface", say)
+    rows = [row | {"races": case.races, "drones": EACH} for row, case in zip(rows, cases, strict=True)]
+    return _timed(rows, cases, "drone_steps_per_s", effort)
+
+
 def commands(say: Say) -> list[Row]:
     """Whole commands in processes of their own: how long they take, cold and warm, and the memory they need."""
     rows: list[Row] = []
@@ -109,7 +124,7 @@ def _run_one(name: str, cache: Path, filled: bool) -> Row:
 def sweep(effort: Effort, say: Say) -> dict[str, list[Row]]:
     """Every table, by name."""
     tables = (environment_races, environment_drones, environment_observations, training_drones, training_networks)
-    swept = {table.__name__: table(effort, say) for table in (*tables, evaluations)}
+    swept = {table.__name__: table(effort, say) for table in (*tables, evaluations, interfaces)}
     return {**swept, "commands": commands(say)}
 
 

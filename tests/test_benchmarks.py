@@ -14,6 +14,7 @@ from rich.console import Console
 
 from benchmarks import environment, headline
 from benchmarks.__main__ import rounded
+from benchmarks.adapters import INTERFACES, InterfaceCase
 from benchmarks.environment import EnvironmentCase, that_fit
 from benchmarks.machine import LEAST_ROUNDS, interleave, peak_memory_mb, rates
 from benchmarks.report import show
@@ -101,6 +102,16 @@ def test_as_many_races_as_memory_lets(monkeypatch):
     monkeypatch.setattr(environment, "available_memory_mb", lambda: 2 * 5.5 * needed)
     assert environment.memory_needed_mb(256, 2) == pytest.approx(4 * needed)
     assert that_fit((256, 64, 1024), drones=2) == (64, 256)
+
+
+@pytest.mark.parametrize("interface", INTERFACES)
+def test_interfaces_are_stepped_as_often_as_is_said(interface, monkeypatch):
+    """Every step of every drone is in the unit; the races go on from call to call."""
+    case = InterfaceCase(interface, races=3, drones=2, steps=4)
+    assert case.work == (3 if interface.endswith("vector") else 1) * 2 * 4
+    before = np.asarray(case.env._races.state.step).copy()
+    case()
+    np.testing.assert_array_equal(np.asarray(case.env._races.state.step), before + 4)
 
 
 class Counted:

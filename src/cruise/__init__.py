@@ -3,18 +3,34 @@
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from cruise.registration import register_when_imported
+
 if TYPE_CHECKING:
+    from cruise.adapters.doors import parallel_env, vector_parallel_env
     from cruise.api import evaluate, load_policy, load_track, make_env, race
     from cruise.api_training import train
     from cruise.errors import CruiseError
 
 __version__ = "0.1.0"
 
-__all__ = ["CruiseError", "__version__", "evaluate", "load_policy", "load_track", "make_env", "race", "train"]
+__all__ = [
+    "CruiseError",
+    "__version__",
+    "evaluate",
+    "load_policy",
+    "load_track",
+    "make_env",
+    "parallel_env",
+    "race",
+    "train",
+    "vector_parallel_env",
+]
 
 _HOMES = {
     "CruiseError": "cruise.errors",
+    "parallel_env": "cruise.adapters.doors",
     "train": "cruise.api_training",
+    "vector_parallel_env": "cruise.adapters.doors",
 }  # of public names that are not in `cruise.api`
 
 
@@ -29,3 +45,6 @@ def __getattr__(name: str) -> Any:
 
 def __dir__() -> list[str]:
     return sorted(__all__)
+
+
+register_when_imported()

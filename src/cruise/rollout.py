@@ -130,7 +130,7 @@ def _fly_chunk(
 
     def step(carry: _Carry, _: None) -> tuple[_Carry, _Step]:
         state = carry.state
-        memories, action = _act(env, groups, carry, jax.random.fold_in(key, carry.step))
+        memories, action = act_together(env, groups, carry.memories, state, jax.random.fold_in(key, carry.step))
         action = jnp.where(state.airborne, action, 0.0)
         after, outcome = env.step(state, action, rules)
         record = _Step(_sample(env, state), action, outcome.crossing, outcome.collisions)
@@ -140,19 +140,21 @@ def _fly_chunk(
     return carry, steps, _sample(env, carry.state)
 
 
-def _act(env: RaceEnv, groups: tuple[Crew, ...], carry: _Carry, key: Array) -> tuple[tuple, Array]:
-    """Every crew's actions, put in the order of the drones."""
+def act_together(
+    env: RaceEnv, groups: tuple[Crew, ...], memories: tuple, state: RaceState, key: Array
+) -> tuple[tuple, Array]:
+    """The crews' new memories, and every crew's actions in the order of the drones [A, N, *B]."""
     env = _observing_once(env)
-    memories: list[Memory] = []
+    remembered: list[Memory] = []
     actions: list[Array] = []
     order: list[int] = []
-    for i, (crew, memory) in enumerate(zip(groups, carry.memories, strict=True)):
-        memory, action = crew.pilot.act(env, crew.drones, memory, carry.state, jax.random.fold_in(key, i))
-        memories.append(memory)
+    for i, (crew, memory) in enumerate(zip(groups, memories, strict=True)):
+        memory, action = crew.pilot.act(env, crew.drones, memory, state, jax.random.fold_in(key, i))
+        remembered.append(memory)
         actions.append(action)
         order += crew.drones
     action = jnp.concatenate(actions, axis=1)
-    return tuple(memories), action if len(groups) == 1 else action[:, np.argsort(order)]
+    return tuple(remembered), action if len(groups) == 1 else action[:, np.argsort(order)]
 
 
 def _observing_once(env: RaceEnv) -> RaceEnv:

@@ -1,0 +1,1 @@
+"""The race as other libraries know environments: Gymnasium, PettingZoo, Stable-Baselines3."""

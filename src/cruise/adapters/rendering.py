@@ -1,0 +1,140 @@
+"""Races in environments as pictures, in a window, and as text."""
+
+import time
+import warnings
+from collections import deque
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cruise.adapters.options import Setup
+from cruise.adapters.picture import Painter
+from cruise.env.types import RaceState
+
+TRAIL = 25  # control steps that a drone's trail goes back
+COLUMNS, ROWS = 64, 22  # of the map in text
+
+
+class Frame(NamedTuple):
+    """One race at a moment; N drones."""
+
+    time: float  # [s]
+    position_w: np.ndarray  # [N, 3]
+    velocity_w: np.ndarray  # [N, 3]
+    euler: np.ndarray  # [N, 3]
+    next_gate: np.ndarray  # [N]
+    gates_passed: np.ndarray  # [N]
+    out: np.ndarray  # [N]
+    finished: np.ndarray  # [N]
+    trail: np.ndarray  # [K, N, 3] where the drones were, oldest first
+
+
+class Screen:
+    """Keeps what a picture needs beside the state, and the window."""
+
+    def __init__(self, setup: Setup) -> None:
+        """Nothing is drawn yet."""
+        self.setup = setup
+        self._trail: deque[np.ndarray] = deque(maxlen=TRAIL)
+        self._painter: Painter | None = None
+        self._window: _Window | None = None
+
+    def begin(self) -> None:
+        """Races begin anew."""
+        self._trail.clear()
+
+    def follow(self, state: RaceState) -> None:
+        """Remember where the drones are."""
+        self._trail.append(np.asarray(state.drones.position_w).T)  # [E, N, 3]
+
+    def frame(self, state: RaceState, race: int) -> Frame:
+        """What there is to draw of a race."""
+        euler = np.asarray(self.setup.env.dynamics.euler(state.drones))[..., race].T
+        position, velocity = (np.asarray(v)[..., race].T for v in (state.drones.position_w, state.drones.velocity_w))
+        counted = (state.next_gate, state.gates_passed, state.out, state.finished)
+        gate, passed, out, finished = (np.asarray(value)[..., race] for value in counted)
+        steps = int(np.asarray(state.step)[race])
+        trail = [places[race] for places in self._trail][-steps - 1 :]
+        seconds = steps * self.setup.env.dynamics.control_dt
+        return Frame(seconds, position, velocity, euler, gate, passed, out, finished, np.array(trail or [position]))
+
+    def picture(self, frame: Frame) -> np.ndarray:
+        """[H, W, 3] uint8."""
+        if self._painter is None:
+            self._painter = Painter(self.setup.track)
+        return self._painter.paint(frame, status(self.setup, frame))
+
+    def show(self, frame: Frame) -> None:
+        """Draw in a window, in real time."""
+        if self._window is None:
+            self._window = _Window(self.setup.env.dynamics.control_dt)
+        self._window.show(self.picture(frame))
+
+    def close(self) -> None:
+        """Close the window."""
+        if self._window is not None:
+            self._window.close()
+            self._window = None
+
+
+class _Window:
+    """A window of matplotlib, which is installed in any case."""
+
+    def __init__(self, interval: float) -> None:
+        import matplotlib.pyplot as plt  # noqa: PLC0415  (slow to import)
+
+        self.plt, self.interval, self.shown_at = plt, interval, 0.0
+        self.figure: Any = None
+        if plt.get_backend().lower() == "agg":
+            warnings.warn('no window can be shown here; render_mode="rgb_array" gives the picture', stacklevel=2)
+
+    def show(self, picture: np.ndarray) -> None:
+        """Put up a picture and wait until it is time for the next."""
+        if self.figure is None:
+            self.figure = self.plt.figure("CRUISE", figsize=(picture.shape[1] / 100, picture.shape[0] / 100), dpi=100)
+            axes = self.figure.add_axes((0, 0, 1, 1))
+            axes.axis("off")
+            self.image = axes.imshow(picture)
+        self.image.set_data(picture)
+        self.figure.canvas.draw_idle()
+        self.figure.canvas.flush_events()
+        rest = self.interval - (time.monotonic() - self.shown_at)
+        if self.plt.get_backend().lower() != "agg":
+            self.plt.pause(max(rest, 1e-3))
+        self.shown_at = time.monotonic()
+
+    def close(self) -> None:
+        """Close it."""
+        if self.figure is not None:
+            self.plt.close(self.figure)
+
+
+def status(setup: Setup, frame: Frame) -> list[str]:
+    """A line for every drone."""
+    lines = []
+    for drone, name in enumerate(setup.names):
+        fate = "finished" if frame.finished[drone] else "out" if frame.out[drone] else ""
+        speed = float(np.linalg.norm(frame.velocity_w[drone]))
+        words = fate or f"{speed:4.1f} m/s, to gate {int(frame.next_gate[drone]) + 1}"
+        lines.append(f"{drone + 1} {name}: {int(frame.gates_passed[drone])} gates, {words}")
+    return lines
+
+
+def ansi(setup: Setup, frame: Frame) -> str:
+    """The race from above, in characters: gates by letter, drones by number; then a line for every drone."""
+    gates = np.array([gate.position_w for gate in setup.track.gates])
+    points = np.concatenate([gates, frame.position_w])[:, :2]
+    low = np.minimum(points.min(axis=0), gates[:, :2].min(axis=0)) - 2.0
+    span = np.maximum(points.max(axis=0) + 2.0 - low, 1e-6)
+    grid = [[" "] * COLUMNS for _ in range(ROWS)]
+
+    def put(place: np.ndarray, sign: str) -> None:
+        column, row = ((place[:2] - low) / span * (COLUMNS - 1, ROWS - 1)).round().astype(int)
+        grid[ROWS - 1 - row][column] = sign
+
+    for number, gate in enumerate(gates):
+        put(gate, chr(ord("A") + number % 26))
+    for drone in range(len(frame.position_w)):
+        put(frame.position_w[drone], str((drone + 1) % 10))
+    title = f"{setup.track.name}, {frame.time:.1f} s"
+    return "\n".join([title, *("".join(row).rstrip() for row in grid), *status(setup, frame)]) + "\n"

@@ -1,0 +1,31 @@
+"""Spaces with true bounds."""
+
+import gymnasium
+import jax
+import numpy as np
+
+from cruise.adapters.options import Setup
+from cruise.env.observation_layout import Entry, observation_layout
+
+
+def layout_of(setup: Setup) -> tuple[Entry, ...]:
+    """What the numbers of the observation are, in their order."""
+    env = setup.env
+    drones = jax.eval_shape(env.reset, jax.random.key(0)).drones
+    felt = len(jax.eval_shape(env.dynamics.proprioception, drones))
+    return observation_layout(setup.observation, env.num_drones, len(setup.track.gates), setup.vehicle.name, felt)
+
+
+def observation_box(setup: Setup) -> gymnasium.spaces.Box:
+    """[O] float32; bounds are those to which the observation is clipped."""
+    entries = layout_of(setup)
+    low, high = (
+        np.concatenate([np.full(entry.size, getattr(entry, end), np.float32) for entry in entries])
+        for end in ("low", "high")
+    )
+    return gymnasium.spaces.Box(low, high, dtype=np.float32)
+
+
+def action_box(setup: Setup) -> gymnasium.spaces.Box:
+    """[A] float32 in [-1, 1]."""
+    return gymnasium.spaces.Box(-1.0, 1.0, (setup.env.dynamics.action_size,), np.float32)

@@ -1,0 +1,36 @@
+"""Policies of each kind, with races recorded once."""
+
+import pytest
+
+from cruise.export.files import Exporter
+from cruise.presets import TRACKS
+from cruise.storage.policy_file import Policy, read_policy
+from tests.pilots.test_neural import loud_params
+from tests.storage.policies import meta
+
+KINDS = {
+    "shipped": ("ring", 4, "extended"),
+    "alone": ("figure-eight", 1, "extended"),
+    "paper": ("figure-eight", 3, "paper"),
+}
+
+
+def policy_of(kind):
+    track, drones, observation = KINDS[kind]
+    if kind == "shipped":
+        return read_policy("ring-4")
+    params = loud_params(track=track, drones=drones, observation=observation)
+    return Policy(meta(track, drones, observation, name=f"{kind} */ policy"), params)
+
+
+@pytest.fixture(scope="session")
+def exporters():
+    """An exporter of each kind, made when it is asked for."""
+    made = {}
+
+    def exporter(kind):
+        if kind not in made:
+            made[kind] = Exporter.of(policy_of(kind), TRACKS[KINDS[kind][0]])
+        return made[kind]
+
+    return exporter

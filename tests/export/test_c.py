@@ -1,0 +1,64 @@
+"""The C header compiles without a warning and does what the policy does in JAX."""
+
+import numpy as np
+import pytest
+
+from cruise.errors import CruiseError
+from cruise.export import c_harness
+from cruise.export.c_harness import compiler, run_header
+from cruise.export.c_header import c_header, literal, prefix_of
+from tests.export.conftest import KINDS, policy_of
+
+needs_compiler = pytest.mark.skipif(compiler() is None, reason="no C compiler here")
+
+
+@needs_compiler
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_compiled_header_does_as_the_policy(kind, exporters, tmp_path):
+    exporter = exporters(kind)
+    header = c_header(exporter.policy, exporter.track, exporter.recording)
+    run = run_header(header, prefix_of(exporter.policy), exporter.recording, tmp_path)
+    assert np.abs(run.action - exporter.recording.outputs["action"]).max() <= 1e-5
+    np.testing.assert_allclose(run.acceleration_w, exporter.recording.outputs["acceleration_w"], atol=1e-4)
+    assert run.self_test <= 1e-5
+
+
+@needs_compiler
+def test_the_self_test_finds_a_fault(exporters, tmp_path):
+    exporter = exporters("alone")
+    header = c_header(exporter.policy, exporter.track, exporter.recording)
+    prefix = prefix_of(exporter.policy)
+    wrong = header.replace("hidden_0[i] = tanhf(hidden_0[i])", "hidden_0[i] = hidden_0[i]")
+    assert wrong != header
+    assert run_header(wrong, prefix, exporter.recording, tmp_path).self_test > 1e-2
+    infinite = header.replace("float sum = bias[r];", "float sum = bias[r] * (float)NAN;")
+    assert np.isnan(run_header(infinite, prefix, exporter.recording, tmp_path).self_test)
+
+
+def test_numbers_read_back_as_they_were():
+    for value in (*np.random.default_rng(0).standard_normal(200).tolist(), 0.0, -0.0, 1.0, 1e-30, 1e6, np.pi):
+        text = literal(value)
+        assert text.endswith("f")
+        assert "." in text
+        assert np.float32(text[:-1]) == np.float32(value)
+
+
+def test_names_make_names_of_c():
+    assert prefix_of(policy_of("shipped")) == "ring_4"
+    assert prefix_of(policy_of("alone")) == "alone_policy"
+
+
+def test_no_compiler_and_one_that_refuses(exporters, tmp_path, monkeypatch):
+    exporter = exporters("alone")
+    monkeypatch.setenv("CC", "no-such-compiler")
+    with pytest.raises(CruiseError, match="C compiler 'no-such-compiler' cannot be run: No such file"):
+        run_header("", "p", exporter.recording, tmp_path)
+    monkeypatch.setattr(c_harness.shutil, "which", lambda name: None)
+    monkeypatch.delenv("CC")
+    assert compiler() is None
+    with pytest.raises(CruiseError, match="no C compiler found: name one with the variable CC"):
+        run_header("", "p", exporter.recording, tmp_path)
+    monkeypatch.undo()
+    if compiler() is not None:
+        with pytest.raises(CruiseError, match="refused the header: "):
+            run_header("int x", "p", exporter.recording, tmp_path)

@@ -1,0 +1,161 @@
+"""ONNX models do in onnxruntime what the policy does in JAX, say what they are, and race."""
+
+import json
+
+import numpy as np
+import onnx
+import onnxruntime
+import pytest
+
+import cruise
+from cruise.errors import CruiseError
+from cruise.evaluation.pilot_choice import find_pilot, pilot_meta
+from cruise.export import files
+from cruise.storage.onnx_file import read_contract
+from cruise.storage.policy_file import save_policy
+from tests.export.conftest import KINDS, policy_of
+
+
+@pytest.fixture(scope="module")
+def models(exporters, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("onnx")
+    paths = {}
+    for kind in KINDS:
+        for interface in ("state", "observation"):
+            paths[kind, interface] = exporters(kind).onnx(folder / f"{kind}-{interface}.onnx", interface).path
+    return paths
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_whole_pilot_from_raw_state_to_action(kind, exporters, models):
+    session = onnxruntime.InferenceSession(models[kind, "state"])
+    recording = exporters(kind).recording
+    inputs = dict(recording.inputs, next_gate=recording.inputs["next_gate"].astype(np.int64))
+    action, acceleration = session.run(["action", "acceleration_w"], inputs)
+    assert np.abs(action - recording.outputs["action"]).max() <= 1e-5
+    assert (np.abs(recording.outputs["action"]) == 1).any()  # the clip is at work
+    np.testing.assert_allclose(acceleration, recording.outputs["acceleration_w"], atol=1e-4)
+    one = {name: value if name.startswith("gate_") else value[5:6] for name, value in inputs.items()}
+    np.testing.assert_allclose(session.run(["action"], one)[0], action[5:6], atol=1e-6)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_bare_network(kind, exporters, models):
+    session = onnxruntime.InferenceSession(models[kind, "observation"])
+    recording = exporters(kind).recording
+    (action,) = session.run(None, {"observation": recording.observation})
+    assert np.abs(action - recording.network).max() <= 1e-5
+
+
+def test_gates_may_stand_elsewhere(exporters, models):
+    """Moved and turned with everything else, the race is the same; `extended` sees nothing of the world but height."""
+    session = onnxruntime.InferenceSession(models["alone", "state"])
+    recording = exporters("alone").recording
+    inputs = dict(recording.inputs, next_gate=recording.inputs["next_gate"].astype(np.int64))
+    turn, shift = np.pi / 2, np.array([16.0, -8.0, 0.0], np.float32)  # a quarter, so that the clip turns with it
+    rotation = np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]], np.float32)
+    moved = dict(inputs, gate_yaw=inputs["gate_yaw"] + np.float32(turn))
+    for name in ("position_w", "velocity_w", "gate_position_w", "previous_action"):
+        moved[name] = inputs[name] @ rotation.T + (shift if "position" in name else np.float32(0.0))
+    moved["euler"] = inputs["euler"] + np.array([0, 0, turn], np.float32)
+    here, there = (session.run(["action"], values)[0] for values in (inputs, moved))
+    assert len(here) > 50
+    assert np.abs(here - there).max() > 0.5
+    np.testing.assert_allclose(there, here @ rotation.T, atol=2e-3)
+
+
+def test_the_contract_says_everything(models):
+    model = onnx.load(models["shipped", "state"])
+    contract = json.loads({entry.key: entry.value for entry in model.metadata_props}["cruise"])
+    assert contract == json.loads(json.dumps(contract, allow_nan=False))
+    assert (contract["interface"], contract["control_dt"], contract["policy"]["agility"]) == ("state", 0.1, 7.5)
+    for ports, found in ((contract["inputs"], model.graph.input), (contract["outputs"], model.graph.output)):
+        assert [port["name"] for port in ports] == [value.name for value in found]
+        for port, value in zip(ports, found, strict=True):
+            shape = [str(axis.dim_value or axis.dim_param) for axis in value.type.tensor_type.shape.dim]
+            assert shape == port["shape"]
+            assert port["meaning"]
+    assert {port["name"]: (port["unit"], port["frame"]) for port in contract["inputs"]}["velocity_w"] == (
+        "m/s",
+        "world",
+    )
+    entries = contract["observation"]
+    assert [entry["first"] for entry in entries] == np.cumsum([0, *(e["size"] for e in entries[:-1])]).tolist()
+    assert entries[-1]["first"] + entries[-1]["size"] == 56
+    assert len(contract["gates"]) == 5
+    assert model.opset_import[0].version <= 17
+    read = read_contract(models["shipped", "state"])
+    assert (read.policy.name, read.policy.drones, read.policy.track) == ("ring-4", 4, "ring")
+
+
+@pytest.mark.parametrize("interface", ["state", "observation"])
+def test_an_exported_file_flies_the_same_race(interface, models, tmp_path):
+    save_policy(tmp_path / "alone", policy_of("alone").params, policy_of("alone").meta)
+    path = models["alone", interface]
+    flown = [cruise.race("figure-eight", 1, str(pilot), laps=1, seed=2) for pilot in (path, tmp_path / "alone")]
+    length = min(len(log.time) for log in flown)
+    assert length > 5
+    np.testing.assert_allclose(flown[0].position_w[:length], flown[1].position_w[:length], atol=2e-3)
+    assert pilot_meta(str(path)).drones == 1
+
+
+def broken(tmp_path, models, change):
+    model = onnx.load(models["alone", "state"])
+    change(model)
+    onnx.save(model, tmp_path / "changed.onnx")
+    return str(tmp_path / "changed.onnx")
+
+
+def renamed(model):
+    entry = next(entry for entry in model.metadata_props if entry.key == "cruise")
+    entry.value = entry.value.replace('"velocity_w"', '"speed_w"')
+
+
+def of_the_future(model):
+    entry = next(entry for entry in model.metadata_props if entry.key == "cruise")
+    entry.value = entry.value.replace('"format": 1', '"format": 9')
+
+
+def without(model):
+    del model.metadata_props[:]
+
+
+def nonsense(model):
+    model.metadata_props[0].value = "{"
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (
+            without,
+            "was not exported by `cruise export`: nothing says what goes in and comes out; write a pilot around it",
+        ),
+        (renamed, "contract: inputs are position_w, speed_w, "),
+        (of_the_future, "contract: format 9, this program reads 1"),
+        (nonsense, "contract: not valid JSON"),
+    ],
+)
+def test_damaged_models(change, message, models, tmp_path):
+    path = broken(tmp_path, models, change)
+    for ask in (find_pilot, pilot_meta):
+        with pytest.raises(CruiseError) as error:
+            ask(path)
+        assert message in str(error.value)
+        assert "\n" not in str(error.value)
+
+
+def test_races_it_does_not_fit(models):
+    with pytest.raises(CruiseError, match="'ring-4' was trained for races of 4 drones, this race has 2"):
+        cruise.race("ring", 2, str(models["shipped", "state"]), laps=1)
+    with pytest.raises(CruiseError, match="does not fit this race"):
+        cruise.race("ring", 3, str(models["paper", "observation"]), laps=1)  # one gate fewer than it was trained with
+
+
+def test_nothing_is_written_where_the_model_does_something_else(exporters, tmp_path, monkeypatch):
+    monkeypatch.setattr(files, "TOLERANCE", 1e-12)
+    with pytest.raises(
+        CruiseError, match=r"the ONNX model differs from the policy by .*, more than 1e-12: not written"
+    ):
+        exporters("paper").onnx(tmp_path / "p.onnx")
+    assert not list(tmp_path.iterdir())
