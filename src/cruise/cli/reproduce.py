@@ -55,6 +55,8 @@ class Reproduce:
         scale = quick_scale() if self.quick else full_scale(self.seeds)
         jobs = choose(make_plan(scale), self.only)
         work = self._work(scale)
+        if self.report_only and not work.results.path.is_dir():
+            raise CruiseError(f"no results in {work.results.path}: name their folder with --results, or run some first")
         if self.list:
             return show_states(work, jobs)
         failed = 0 if self.report_only else self._run_jobs(work, jobs)

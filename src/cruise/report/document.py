@@ -52,7 +52,7 @@ STYLE = """
 @media (prefers-color-scheme: dark) { :root { --ink: #e8e8e8; --paper: #16181b; --quiet: #a5a9ae; --line: #3a3e44;
   --card: #202429; --alarm: #4a3a10; } }
 * { box-sizing: border-box; }
-body { margin: 0 auto; padding: 1.5rem 1.2rem 4rem; max-width: 76rem; color: var(--ink); background: var(--paper);
+body { margin: 0 auto; padding: 1.5rem 1.2rem 4rem; max-width: 80rem; color: var(--ink); background: var(--paper);
   font: 16px/1.55 system-ui, -apple-system, "Segoe UI", Roboto, "Helvetica Neue", Arial, sans-serif; }
 h1 { font-size: 1.9rem; line-height: 1.2; margin: 0.5rem 0 1rem; }
 h2 { font-size: 1.35rem; margin: 3rem 0 0.8rem; padding-top: 0.6rem; border-top: 1px solid var(--line); }
@@ -68,9 +68,9 @@ figure img { width: 100%; height: auto; background: #ffffff; border-radius: 8px;
 figcaption { color: var(--quiet); font-size: 0.92rem; margin-top: 0.4rem; max-width: 60rem; }
 .table figcaption { color: var(--ink); font-weight: 600; font-size: 1rem; margin-bottom: 0.4rem; }
 .scroll { overflow-x: auto; }
-table { border-collapse: collapse; font-size: 0.86rem; font-variant-numeric: tabular-nums; }
-th, td { padding: 0.28rem 0.6rem; text-align: left; border-bottom: 1px solid var(--line); vertical-align: top; }
-th { border-bottom: 2px solid var(--quiet); font-weight: 600; min-width: 4.5rem; }
+table { border-collapse: collapse; font-size: 0.82rem; font-variant-numeric: tabular-nums; }
+th, td { padding: 0.26rem 0.45rem; text-align: left; border-bottom: 1px solid var(--line); vertical-align: top; }
+th { border-bottom: 2px solid var(--quiet); font-weight: 600; min-width: 3.6rem; }
 td.number, td.short { white-space: nowrap; }
 small, .note { color: var(--quiet); }
 .note { font-size: 0.88rem; max-width: 60rem; }

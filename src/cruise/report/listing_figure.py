@@ -44,7 +44,7 @@ def _draw(axes: Axes, panel: Listing) -> None:
         axes.plot(dot.mean, height, "o", markersize=7, color=colour)
     for value, what in panel.lines:
         axes.axvline(value, color=INK, linewidth=1.0, linestyle=":", zorder=1)
-        place = (value, 1.0)
-        axes.annotate(what, place, xycoords=("data", "axes fraction"), ha="left", va="top", fontsize=8, color=INK)
+        place = (value, 0.01)
+        axes.annotate(what, place, xycoords=("data", "axes fraction"), ha="left", va="bottom", fontsize=8, color=INK)
     tidy(axes, panel.title, xlabel=panel.unit)
     axes.set_yticks(range(len(panel.rows)), [name for name, _, _ in panel.rows], fontsize=9)

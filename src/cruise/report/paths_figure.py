@@ -1,22 +1,24 @@
 """Where the drones of one race flew: from above, and in three dimensions."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.art3d import Line3DCollection
 from mpl_toolkits.mplot3d.axes3d import Axes3D
 
-from cruise.report.figure_style import INK, legend_below, new_figure, tidy
-from cruise.report.race_scene import style
+from cruise.report.figure_style import INK, Style, legend_below, new_figure, tidy
+from cruise.report.race_scene import crashes, style
 from cruise.storage.race_log import RaceLog
 
 
-def draw_paths(log: RaceLog, title: str) -> Figure:
-    """Paths and gates of a race, one colour per drone."""
+def draw_paths(log: RaceLog, title: str, names: Sequence[str]) -> Figure:
+    """Paths and gates of a race, one colour per drone; rings where they started, crosses where one collided."""
     figure = new_figure(12.0, 5.4)
     grid = figure.add_gridspec(1, 2)
     above, space = figure.add_subplot(grid[0]), figure.add_subplot(grid[1], projection="3d")
-    _from_above(above, log)
+    _from_above(above, log, names)
     _in_space(space, log)
     tidy(above, title, "x [m]", "y [m]")
     above.set_aspect("equal", adjustable="datalim")
@@ -29,12 +31,14 @@ def _flown(log: RaceLog, drone: int) -> np.ndarray:
     return log.position_w[: int(log.airborne[:, drone].sum()) + 1, drone]
 
 
-def _from_above(axes: Axes, log: RaceLog) -> None:
-    for drone in range(log.num_drones):
+def _from_above(axes: Axes, log: RaceLog, names: Sequence[str]) -> None:
+    for drone, label in enumerate(names):
         path = _flown(log, drone)
-        label = f"drone {drone + 1}, {log.pilots[drone]}"
         axes.plot(path[:, 0], path[:, 1], linewidth=1.2, alpha=0.8, label=label, **style(drone))
         axes.plot(*path[0, :2], "o", markersize=6, markerfacecolor="white", markeredgecolor=style(drone)["color"])
+    for drone, sample in crashes(log):
+        look: Style = {"markersize": 10, "color": style(drone)["color"], "markeredgecolor": "white", "zorder": 6}
+        axes.plot(*log.position_w[sample, drone, :2], "X", **look)
     for corners in gate_corners(log):
         axes.plot(*corners[:2, :2].T, color=INK, linewidth=3.5, solid_capstyle="butt")
 

@@ -2,10 +2,11 @@
 
 from pathlib import Path
 
-from cruise.report.document import Picture, Report, Section, report_html, report_markdown
+from cruise.report.document import Picture, Point, Report, Section, report_html, report_markdown
 from cruise.report.figure_style import to_svg
 from cruise.report.tables import to_csv
 from cruise.reproduction.claims import claims_table
+from cruise.reproduction.entries import scale_note
 from cruise.reproduction.evidence import Evidence, mixed_settings
 from cruise.reproduction.headline import headline
 from cruise.reproduction.plan import KINDS, make_plan
@@ -13,9 +14,14 @@ from cruise.reproduction.printed import PAPER
 from cruise.reproduction.ratings import Rating, rate
 from cruise.reproduction.reasons import reasons
 from cruise.reproduction.report_figures import Drawing, all_figures
-from cruise.reproduction.report_tables import all_tables, scale_note
+from cruise.reproduction.report_tables import all_tables
 from cruise.storage.atomic import write_atomically
 
+RACES = (
+    "Two, three or four quadrotors race three laps through the gates of a ring or a figure-eight. A drone that "
+    "collides is out. Who flies:"
+)
+NO_RACE = "Not run: no race of four has been kept yet."
 FIGURES, TABLES = "figures", "tables"  # folders beside report.html and report.md
 
 
@@ -53,7 +59,7 @@ def make_report(evidence: Evidence) -> Report:
         lead=headline(evidence, ratings),
         warnings=_warnings(evidence),
         sections=(
-            Section("At a glance", (_glossary(),), pictures=figures["overview"], tables=(claims_table(evidence),)),
+            Section("At a glance", (RACES,), _glossary(), figures["overview"], (claims_table(evidence),)),
             Section("What did not reproduce, and why", points=reasons(evidence)),
             Section("The paper's two tables", (f"Printed figures: {PAPER}.",), tables=performance),
             Section(
@@ -62,7 +68,7 @@ def make_report(evidence: Evidence) -> Report:
             Section("What each ingredient does", pictures=figures["ablations"], tables=(tables["ablations"],)),
             Section("After every stage", pictures=figures["stages"], tables=(tables["stages"],)),
             Section("Learning curves", pictures=figures["curves"]),
-            Section("Trajectories", pictures=figures["paths"]),
+            Section("Trajectories", () if figures["paths"] else (NO_RACE,), pictures=figures["paths"]),
             Section("How far from the fastest possible lap", pictures=figures["limits"], tables=(tables["limits"],)),
             Section("How to make it again", (_how(),), tables=(tables["runs"],)),
         ),
@@ -73,13 +79,10 @@ def _picture(drawing: Drawing) -> Picture:
     return Picture(drawing.name, drawing.caption, to_svg(drawing.figure))
 
 
-def _glossary() -> str:
-    kinds = ("cruise", "vanilla", "se-ibr", "se-ibr-tuned", "self-play-only")
-    told = "; ".join(f"{KINDS[kind].title}: {KINDS[kind].summary}" for kind in kinds)
-    return (
-        "Two, three or four quadrotors race three laps through the gates of a ring or a figure-eight; a drone that "
-        f"collides is out. Who flies: {told}."
-    )
+def _glossary() -> tuple[Point, ...]:
+    """Who flies, for somebody who has not read the paper."""
+    kinds = ("cruise", "vanilla", "self-play-only", "se-ibr", "se-ibr-tuned")
+    return tuple(Point(f"{KINDS[kind].title}:", f"{KINDS[kind].summary}.") for kind in kinds)
 
 
 def _how() -> str:

@@ -7,11 +7,11 @@ from typing import NamedTuple
 
 from cruise.report.tables import Table
 from cruise.reproduction.contrasts import percent
+from cruise.reproduction.entries import NOT_RUN, scale_note
 from cruise.reproduction.evidence import Evidence
 from cruise.reproduction.plan import KINDS
 from cruise.reproduction.pooling import Summary
 from cruise.reproduction.printed import SPEED_FACTOR, TABLES, Printed
-from cruise.reproduction.report_tables import NOT_RUN, scale_note
 
 FAILED = 0.05  # a success rate up to this is called a failure
 

@@ -6,8 +6,6 @@ from dataclasses import dataclass
 from cruise.reproduction.evidence import Evidence
 from cruise.reproduction.pooling import Pooled, Summary, Verdict, compare
 
-OVERLAP = "intervals overlap"
-
 
 @dataclass(frozen=True)
 class Contrast:
@@ -46,10 +44,10 @@ def verdict(found: Sequence[Contrast]) -> str:
     if not found:
         return "Not known yet."
     if better and worse:
-        return "It has two sides."
+        return "It helps in one respect and harms in another."
     if better:
-        return "Yes."
-    return "Yes, but it harms." if worse else "Not that it could be measured."
+        return "Yes, it helps."
+    return "Yes, it harms." if worse else "No difference that these runs can show."
 
 
 def in_words(contrast: Contrast) -> str:
@@ -63,7 +61,7 @@ def in_words(contrast: Contrast) -> str:
 
 
 def _told(found: Verdict) -> str:
-    return OVERLAP if found == "not told apart" else found
+    return "intervals overlap" if found == "not told apart" else "intervals apart"
 
 
 def sentence(found: Sequence[Contrast]) -> str:

@@ -14,13 +14,11 @@ from cruise.errors import CruiseError
 from cruise.evaluation.matches import make_match, run_races
 from cruise.evaluation.metrics import DroneResult, race_result
 from cruise.pilots.base import Pilot
-from cruise.pilots.neural import NeuralPilot
 from cruise.racing.track_file import load_track
-from cruise.reproduction.measure import FRESH
+from cruise.reproduction.measure import FRESH, load_as
 from cruise.reproduction.plan import DUEL, ENTRANTS, KINDS, Job
 from cruise.reproduction.results import FORMAT, HeadToHead, Meeting
 from cruise.reproduction.work import Step, Work
-from cruise.storage.policy_file import load_policy
 from cruise.storage.race_log import RaceLog
 
 TIE = 1e-6  # finish times nearer than this are equal [s]
@@ -49,18 +47,14 @@ def checksums(work: Work, job: Job) -> dict[str, str]:
 
 
 def _entrant(work: Work, kind: str, job: Job) -> str | Pilot:
-    """A kind's pilot, or the name of a planner.
-
-    Policies of all seeds go by the name of their kind, so that a race is compiled once.
-    """
+    """A kind's pilot, or the name of a planner."""
     if KINDS[kind].family == "planner":
         return kind
     wanted = Job(kind, job.track, job.drones, job.seed)
     path = work.results.policy_of(wanted)
     if not path.with_name(f"{path.name}.json").exists():
         raise CruiseError(f"needs the policy of {wanted.name}")
-    pilot = load_policy(path)
-    return NeuralPilot(pilot.params, pilot.observation, pilot.drones, pilot.agility, kind, pilot.vehicle)
+    return load_as(path, kind)
 
 
 def _fly(job: Job, field: Sequence[str | Pilot], races: int) -> list[RaceLog]:

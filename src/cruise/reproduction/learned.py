@@ -10,12 +10,11 @@ from cruise.evaluation.matches import make_match, run_races
 from cruise.presets import VEHICLES
 from cruise.racing.track_file import load_track
 from cruise.reproduction.commands import train_command
-from cruise.reproduction.measure import FRESH, measure, thin_curve
+from cruise.reproduction.measure import FRESH, load_as, measure, thin_curve
 from cruise.reproduction.plan import DUEL, ENTRANTS, MIXED, Job, config_of
 from cruise.reproduction.results import FORMAT, Cell, StageResult
 from cruise.reproduction.work import Step, Work
 from cruise.storage.config_file import to_data
-from cruise.storage.policy_file import load_policy
 from cruise.training.session import CONFIG, Session, read_metrics
 from cruise.training.validation import check_config
 
@@ -35,7 +34,7 @@ def make_learned(work: Work, job: Job) -> Iterator[Step]:
         if phase.last_update > phase.first_update:
             stages.append(_measure_stage(work, job, session, number))
     yield Step("measuring")
-    measured = measure(make_match(session.track, job.drones, policy), work.scale.races, job.seed)
+    measured = measure(make_match(session.track, job.drones, load_as(policy, job.kind)), work.scale.races, job.seed)
     last = session.trainer.phases[-1]
     rows = read_metrics(session.folder)
     cell = Cell(
@@ -63,7 +62,7 @@ def _open(folder: Path, config: TrainConfig) -> Session:
 
 
 def _measure_stage(work: Work, job: Job, session: Session, number: int) -> StageResult:
-    pilot = load_policy(session.folder / f"stage-{number}")
+    pilot = load_as(session.folder / f"stage-{number}", job.kind)
     measured = measure(make_match(session.track, job.drones, pilot), work.scale.races, job.seed)
     phase = session.trainer.phases[number - 1]
     return StageResult(phase.number, phase.stage.name, pilot.agility, measured)
@@ -78,7 +77,7 @@ def _keep(work: Work, job: Job, policy: Path) -> None:
     for ending in (".safetensors", ".json"):
         shutil.copyfile(policy.with_suffix(ending), target.with_name(target.name + ending))
     if job.kind == "cruise" and job.drones == MIXED and job.seed == work.scale.seeds[0]:
-        match = make_match(load_track(job.track), job.drones, policy)
+        match = make_match(load_track(job.track), job.drones, load_as(policy, job.kind))
         next(run_races(match, 1, FRESH + job.seed)).save(work.results.race_of(job))
 
 

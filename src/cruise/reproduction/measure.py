@@ -3,17 +3,26 @@
 import math
 from collections import Counter
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from cruise.evaluation.matches import Match, run_races
 from cruise.evaluation.metrics import DroneResult, RaceResult, race_result
+from cruise.pilots.neural import NeuralPilot
 from cruise.reproduction.results import Curve, Measured, Numbers
+from cruise.storage.policy_file import load_policy
 
 FRESH = 2000  # added to a job's seed: the seed of its races
 DIGITS = 6  # significant, of what is kept
 CURVE_POINTS = 100
+
+
+def load_as(path: Path, name: str) -> NeuralPilot:
+    """A policy under another name: policies of all seeds that go by one name need one compilation."""
+    pilot = load_policy(path)
+    return NeuralPilot(pilot.params, pilot.observation, pilot.drones, pilot.agility, name, pilot.vehicle)
 
 
 def measure(match: Match, races: int, seed: int) -> Measured:

@@ -65,7 +65,7 @@ _KINDS = (
     Kind(
         "self-play-after",
         "self-play after the curriculum",
-        "the five stages alone, then self-play for the last quarter of the steps",
+        "the five stages alone, then self-play in what stage 5 keeps for it",
         change=_self_play("after"),
     ),
     Kind(

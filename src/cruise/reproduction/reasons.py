@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable
 
+from cruise.config import CascadeGains, Vehicle
 from cruise.presets import CURRICULUM, REWARDS
 from cruise.report.document import Point
 from cruise.reproduction.claims import factors, short_of, speeds, successes
@@ -66,9 +67,16 @@ def _controller(evidence: Evidence) -> Point:
     return Point(
         "The speeds are set by the controller, not by tactics.",
         "The paper reads speeds far below the 10 m/s of its last stage as a strategy that balances speed and safety. "
-        "But its velocity controller cannot accelerate sideways by more than about 1.6 m/s² for long, and that bounds "
-        f"the lap. {_capital(_each_track(evidence, tell))}",
+        "But its controller cannot accelerate along any axis by more than K_p,pos K_v alpha dt = "
+        f"{_longest_acceleration():.1f} m/s² for long, and that bounds the lap. "
+        f"{_capital(_each_track(evidence, tell))}",
     )
+
+
+def _longest_acceleration() -> float:
+    """What the paper's cascade sustains with the last stage's agility [m/s^2]."""
+    gains = CascadeGains()
+    return gains.position_p * gains.velocity_p * CURRICULUM[-1].agility * Vehicle().control_dt
 
 
 def _nominal_laps(evidence: Evidence) -> Point:
@@ -79,7 +87,7 @@ def _nominal_laps(evidence: Evidence) -> Point:
     return Point(
         "Printed laps were not timed.",
         "The paper's lap time is the length of the track over the mean speed: it rewards flying far, not arriving "
-        "early, and leaves out that a race begins from standing. Here laps are timed from gate to gate as well. "
+        "early. Here laps are timed from gate to gate as well. "
         f"{_capital(_each_track(evidence, tell))}",
     )
 

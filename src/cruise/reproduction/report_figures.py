@@ -20,6 +20,7 @@ from cruise.reproduction.pooling import Pooled, Summary
 from cruise.reproduction.printed import FREE, GENTLE, STAGE_SPEEDS, TABLES
 from cruise.reproduction.ratings import Rating, win_rate
 from cruise.reproduction.results import Cell
+from cruise.storage.race_log import RaceLog
 
 COLOURS = {
     "cruise": BLUE,
@@ -212,10 +213,20 @@ def paths(evidence: Evidence) -> list[Drawing]:
         for track in evidence.scale.tracks:
             log = evidence.races.get((kind, track, MIXED))
             if log is not None:
-                figure = draw_paths(log, f"{track}: {what}")
-                caption = f"{track}: {what}, {log.laps} laps from standing, the first race of seed 0, not a chosen one."
+                figure = draw_paths(log, f"{track}: {what}", _names(log, kind))
+                caption = (
+                    f"{track}: {what}, {log.laps} laps from standing; the first race that was flown, not a chosen one. "
+                    "Rings: starts; crosses: collisions."
+                )
                 drawings.append(Drawing(f"paths-{kind}-{track}", caption, figure))
     return drawings
+
+
+def _names(log: RaceLog, kind: str) -> list[str]:
+    """Drones of one pilot by number, others by their pilot."""
+    if kind == "cruise":
+        return [f"drone {drone + 1}" for drone in range(log.num_drones)]
+    return [KINDS[pilot].title if pilot in KINDS else pilot for pilot in log.pilots.tolist()]
 
 
 def all_figures(evidence: Evidence, ratings: dict[str, list[Rating]]) -> dict[str, list[Drawing]]:

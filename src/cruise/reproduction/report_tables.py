@@ -1,44 +1,19 @@
 """The report's tables, from the evidence."""
 
 from collections.abc import Sequence
-from itertools import permutations
 
 from cruise.presets import CURRICULUM
 from cruise.report.tables import Entry, Number, Table
+from cruise.reproduction.entries import INTERVALS, NOT_RUN, note, number
 from cruise.reproduction.evidence import Evidence
-from cruise.reproduction.plan import ABLATION_DRONES, ABLATIONS, DUEL, ENTRANTS, KINDS, MIXED, make_plan
+from cruise.reproduction.meeting_tables import duel_table, field_table
+from cruise.reproduction.plan import ABLATION_DRONES, ABLATIONS, KINDS, make_plan
 from cruise.reproduction.pooling import Pooled, Summary
 from cruise.reproduction.printed import LIMITS, STAGE_SPEEDS, TABLES, Printed
-from cruise.reproduction.ratings import Rating, field_place, field_survival, field_wins, win_rate
+from cruise.reproduction.ratings import Rating
 
-NOT_RUN = "not run"
 NOT_PRINTED = ""  # of pilots that the paper does not have
 PERFORMANCE = ("cruise", "se-ibr", "se-ibr-tuned", "vanilla", "vanilla-stage5", "self-play-only")
-
-
-def number(pooled: Pooled | None, factor: float = 1.0, digits: int = 2) -> Entry:
-    """A pooled quantity as a table shows it."""
-    if pooled is None:
-        return NOT_RUN
-    return Number(factor * pooled.mean, factor * pooled.low, factor * pooled.high, digits)
-
-
-def scale_note(evidence: Evidence) -> str:
-    """What every table says of a run that is not the full one."""
-    scale = evidence.scale
-    if scale.name == "full":
-        return ""
-    return f"Quick run: {scale.steps / 1e6:g} M training steps instead of 40 M, {scale.races} races, one seed. "
-
-
-def _note(evidence: Evidence, text: str) -> str:
-    return scale_note(evidence) + text
-
-
-INTERVALS = (
-    "Mean and, in brackets or small, 95 % interval over training seeds (over evaluation seeds for the planner); where "
-    "there is one seed alone, over its races."
-)
 
 
 def performance_table(evidence: Evidence, track: str) -> Table:
@@ -61,7 +36,7 @@ def performance_table(evidence: Evidence, track: str) -> Table:
             "seeds",
         ),
         tuple(rows),
-        _note(
+        note(
             evidence,
             f"{INTERVALS} Printed: mean ± standard deviation over 100 episodes; its lap is the length of the track "
             "over the mean speed, which is the nominal lap here. Speeds and laps are those of drones that finished.",
@@ -119,7 +94,7 @@ def stage_table(evidence: Evidence) -> Table:
         "CRUISE after every stage of the curriculum",
         ("track", "drones", "stage", "speed, paper's files [m/s]", "speed [m/s]", "timed lap [s]", "success [%]"),
         tuple(rows),
-        _note(
+        note(
             evidence,
             f"{INTERVALS} Every policy flies with the agility of its own stage under the final rules: true openings, "
             "every collision final. Speeds are those of all drones while in the air.",
@@ -140,7 +115,7 @@ def ablation_table(evidence: Evidence) -> Table:
         "What each ingredient does: four drones",
         ("track", "training", "what it is", "success [%]", "mean speed [m/s]", "timed lap [s]", "collisions", "seeds"),
         tuple(rows),
-        _note(evidence, f"{INTERVALS} Collisions are per race of four drones."),
+        note(evidence, f"{INTERVALS} Collisions are per race of four drones."),
     )
 
 
@@ -148,61 +123,6 @@ def _ablation(summary: Summary | None) -> tuple[Entry, ...]:
     s = summary or _Missing()
     quantities = (number(s.success, 100, 1), number(s.speed), number(s.lap), number(s.collisions))
     return (*quantities, str(len(s.seeds)))
-
-
-def duel_table(evidence: Evidence) -> Table:
-    """Win rates of every pair."""
-    rows: list[tuple[Entry, ...]] = []
-    for track in evidence.scale.tracks:
-        met = evidence.meetings.get((track, DUEL), ())
-        for one, other in permutations(ENTRANTS, 2):
-            rate = win_rate(met, one, other) if met else None
-            races = str(rate.races) if rate else "0"
-            rows.append((track, KINDS[one].title, KINDS[other].title, number(rate, 100, 1), races))
-    return Table(
-        "duels",
-        "Duels: how often the first pilot beats the second",
-        ("track", "pilot", "against", "won [%]", "races"),
-        tuple(rows),
-        _note(
-            evidence,
-            "A duel is won by who finishes first, or by who alone did not crash; where both crash nobody wins, so two "
-            "rates need not add up to 100 %. Sides alternate. Intervals over seeds, as above.",
-        ),
-    )
-
-
-def field_table(evidence: Evidence, ratings: dict[str, list[Rating]]) -> Table:
-    """Mixed fields of four, and ratings."""
-    rows: list[tuple[Entry, ...]] = []
-    for track in evidence.scale.tracks:
-        met = evidence.meetings.get((track, MIXED), ())
-        skills = {rating.entrant: rating.skill for rating in ratings.get(track, [])}
-        for kind in ENTRANTS:
-            won, finished, place = ((f(met, kind) if met else None) for f in (field_wins, field_survival, field_place))
-            skill = skills.get(kind)
-            skill = skill if skill and skill.known else None
-            rows.append(
-                (
-                    track,
-                    KINDS[kind].title,
-                    number(won, 100, 1),
-                    number(finished, 100, 1),
-                    number(place),
-                    number(skill, 1, 1),
-                )
-            )
-    return Table(
-        "mixed-fields",
-        "One of each in the same race, and ratings from all meetings",
-        ("track", "pilot", "won [%]", "finished [%]", "mean place", "rating"),
-        tuple(rows),
-        _note(
-            evidence,
-            "Ratings: openskill's Plackett-Luce over duels and mixed races, 25 at the start; only differences mean "
-            "something. Their intervals are percentiles of a bootstrap over seeds and races, the others as above.",
-        ),
-    )
 
 
 def limit_table(evidence: Evidence) -> Table:
@@ -221,7 +141,7 @@ def limit_table(evidence: Evidence) -> Table:
         "Timed laps beside the fastest laps this vehicle can fly",
         ("pilot", "drones", "ring [s]", "figure-eight [s]", "ring, above the limit [%]", "figure-eight, above [%]"),
         tuple(rows),
-        _note(
+        note(
             evidence,
             "The limit is the fastest lap of one drone alone with free commands and thrust that is never negative "
             "(second line), the best that was found.",
@@ -254,7 +174,7 @@ def runs_table(evidence: Evidence) -> Table:
     missing = len([job for job in make_plan(evidence.scale) if job.family != "head-to-head"]) - len(rows)
     left = f"{missing} planned cells are not run yet. " if missing > 0 else ""
     return Table(
-        "runs", "Every run", header, tuple(rows), _note(evidence, f"{left}Wall times on a machine that others shared.")
+        "runs", "Every run", header, tuple(rows), note(evidence, f"{left}Wall times on a machine that others shared.")
     )
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from cruise.errors import CruiseError
-from cruise.reproduction.plan import Job
+from cruise.reproduction.plan import KINDS, Job
 from cruise.storage.atomic import read_bytes, write_atomically
 from cruise.storage.config_file import load_config, to_data
 
@@ -160,7 +160,7 @@ def _read(path: Path, kind: type[T], job: Job) -> T:
     if said != (job.kind, job.track, job.drones, job.seed):
         raise CruiseError(f"{where}: holds another job than its name says: {Job(*said).name}")
     for measured in measurements(result):
-        _check_lengths(measured, where)
+        _check_measured(measured, where)
     for meeting in getattr(result, "meetings", ()):
         _check_meeting(meeting, where)
     return result
@@ -174,15 +174,20 @@ def measurements(result: Cell | HeadToHead) -> tuple[Measured, ...]:
 PER_RACE = ("success", "speed", "air_speed", "lap", "first_lap", "collisions", "overtakes")
 
 
-def _check_lengths(measured: Measured, where: str) -> None:
+def _check_measured(measured: Measured, where: str) -> None:
     lengths = {name: len(getattr(measured, name)) for name in PER_RACE}
     if len(set(lengths.values())) > 1 or lengths["success"] == 0:
         told = ", ".join(f"{name} {length}" for name, length in lengths.items())
         raise CruiseError(f"{where}: expected one number per race in every list, got {told}")
+    if not all(0.0 <= share <= 1.0 for share in measured.success):
+        raise CruiseError(f"{where}: success must be a share from 0 to 1")
 
 
 def _check_meeting(meeting: Meeting, where: str) -> None:
     names = " against ".join(meeting.entrants)
+    unknown = next((kind for kind in meeting.entrants if kind not in KINDS), None)
+    if unknown is not None:
+        raise CruiseError(f"{where}: unknown entrant {unknown!r}")
     lists: Sequence[Sequence[Sequence[Any]]] = (meeting.rank, meeting.finish, meeting.crashed)
     if len({len(races) for races in lists}) > 1 or not meeting.rank:
         raise CruiseError(f"{where}: {names}: rank, finish and crashed must have one entry per race")
