@@ -4,8 +4,9 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 Vec3 = tuple[float, float, float]
-Integrator = Literal["euler", "semi_implicit", "rk4"]
-ObservationKind = Literal["extended", "paper"]
+Integrator = Literal["euler", "semi_implicit", "midpoint", "rk4"]
+Control = Literal["acceleration", "velocity", "position", "ctbr"]
+ObservationKind = Literal["extended", "paper", "body"]
 SelfPlayMode = Literal["within", "after", "off"]
 
 
@@ -22,11 +23,76 @@ class CascadeGains:
 
 
 @dataclass(frozen=True)
+class Rotors:
+    """Four rotors in an X, and what limits them. `docs/vehicles.md` has the equations."""
+
+    offset: tuple[float, float]  # of every rotor from the centre, forward and sideways [m]
+    torque_ratio: float  # kappa, reaction torque per thrust [m]
+    max_thrust: float  # of one rotor [N]
+    min_thrust: float = 0.0  # of one rotor [N]
+    time_constant: float = 0.0  # first-order lag of the thrust; 0: none [s]
+    radius: float = 0.0635  # of a propeller [m]
+    saturate: bool = True  # False: as if rotors had no limits
+
+
+@dataclass(frozen=True)
+class Rates:
+    """The body-rate loop of the flight controller."""
+
+    time_constant: float = 0.04  # of the response without rotor lag, on every axis [s]
+    highest: Vec3 = (10.0, 10.0, 3.0)  # that can be commanded: roll, pitch, yaw [rad/s]
+
+
+@dataclass(frozen=True)
+class Drag:
+    """Drag on the body at an airspeed; 0 switches a term off."""
+
+    horizontal: float = 0.0  # linear, in the plane of the rotors [kg/s]
+    vertical: float = 0.0  # linear, along the thrust [kg/s]
+    quadratic: float = 0.0  # along the airspeed [kg/m]
+
+
+@dataclass(frozen=True)
+class Battery:
+    """A battery with an internal resistance, whose voltage falls with its charge."""
+
+    capacity: float = 6480.0  # [A s]
+    full_voltage: float = 16.8  # at rest [V]
+    empty_voltage: float = 13.2  # at rest [V]
+    resistance: float = 0.02  # [ohm]
+    efficiency: float = 0.5  # of motor and propeller: ideal power of hovering rotors per electric power
+
+
+@dataclass(frozen=True)
+class Airframe:
+    """What makes a quadrotor fly by collective thrust and body rates."""
+
+    rotors: Rotors
+    rates: Rates = field(default_factory=Rates)
+    drag: Drag = field(default_factory=Drag)
+    delay: float = 0.0  # from an action to its effect; 0: none [s]
+    longest_delay: float = 0.0  # that randomisation may ask for [s]
+    battery: Battery | None = None  # None: voltage stays where it is
+    downwash: bool = False  # the air that rotors push down moves the drones below
+
+
+@dataclass(frozen=True)
+class Tracking:
+    """The position and velocity loops around every vehicle, and full deflection of a reference."""
+
+    position_gain: float = 2.0  # [1/s]
+    velocity_gain: float = 4.0  # [1/s]
+    attitude_gain: float = 12.0  # [1/s]
+    speed: float = 5.0  # a velocity reference at full deflection [m/s]
+    reach: float = 2.0  # a position reference at full deflection: so far from the drone [m]
+
+
+@dataclass(frozen=True)
 class Vehicle:
     """A quadrotor and the loop that flies it.
 
-    The controller reads one action every `control_dt` and holds its wrench while the rigid body is integrated
-    in `substeps` equal steps.
+    The controller reads one action every `control_dt` and the body is integrated in `substeps` equal steps. Without an
+    airframe it is the paper's: a cascade of PD laws whose wrench acts on the body as it is, held over the whole step.
     """
 
     name: str = "paper"
@@ -39,6 +105,12 @@ class Vehicle:
     substeps: int = 1
     collision_distance: float = 0.25  # two drones nearer than this have collided [m]
     source: str = "CRUISE paper and its repository"
+    control: Control = "acceleration"  # what an action means
+    agility: float = 7.5  # usual scale of the action, alpha: the largest commanded acceleration or thrust [m/s^2]
+    collision_aspect: float = 1.0  # height per width of the ellipsoid in which two drones collide; 1: a sphere
+    flip_ends: bool = True  # rolling or pitching past 90 degrees is a crash
+    tracking: Tracking = field(default_factory=Tracking)
+    airframe: Airframe | None = None
 
 
 @dataclass(frozen=True)

@@ -2,9 +2,10 @@
 
 import math
 
-from cruise.config import Gate, RewardWeights, Stage, Track, Vehicle
+from cruise.config import Gate, RewardWeights, Stage, Track
+from cruise.vehicles import VEHICLES
 
-VEHICLES: dict[str, Vehicle] = {"paper": Vehicle()}
+__all__ = ["CURRICULUM", "REWARDS", "TRACKS", "VEHICLES"]
 
 
 def _ring() -> Track:

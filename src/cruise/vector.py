@@ -58,3 +58,12 @@ def once(flag: Bool[Array, "*B"]) -> Bool[Array, "*B"]:
     it counts as expensive, a square root among them, it computes once and stores.
     """
     return jnp.sqrt(flag.astype(jnp.float32)) > 0
+
+
+def stored(number: Float[Array, "*B"]) -> Float[Array, "*B"]:
+    """The same number, computed once: to `once` what numbers are to flags, by a division that counts as expensive.
+
+    For the waist of a long calculation with many results, which would otherwise be computed anew for each of them.
+    Infinite becomes not a number.
+    """
+    return number / (number * 0.0 + 1.0)

@@ -1,6 +1,6 @@
 """Order of convergence, sub-steps, and what each integrator must keep."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import jax
@@ -8,10 +8,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from cruise.dynamics import FreeBody
 from cruise.dynamics.integrators import make_integrator
-from cruise.dynamics.rigid_body import make_derivative
+from cruise.dynamics.parameters import physics_of
+from cruise.dynamics.rigid_body import make_derivative, make_free_derivative
 from cruise.presets import VEHICLES
 from tests.dynamics.bodies import UNEVEN, at_rest, body, chattering_actions, fly, integrate, smooth_actions, wrench
+from tests.dynamics.quadrotors import BARE, with_drag
 
 DURATION = 0.4
 START = ((1, 2, 3), (1, -2, 0.5), (0.1, -0.2, 0.3), (1.0, -0.8, 0.6))
@@ -29,7 +32,7 @@ def end_of_flight(kind: str, steps: int) -> np.ndarray:
     return np.concatenate([np.asarray(part) for part in end])
 
 
-@pytest.mark.parametrize(("kind", "order"), [("euler", 1), ("semi_implicit", 1), ("rk4", 4)])
+@pytest.mark.parametrize(("kind", "order"), [("euler", 1), ("semi_implicit", 1), ("midpoint", 2), ("rk4", 4)])
 def test_order_of_convergence(kind: str, order: int) -> None:
     exact = end_of_flight("rk4", 2000)
     assert np.abs(exact[6:9]).max() < np.pi / 4
@@ -79,3 +82,43 @@ def test_ten_rk4_substeps_have_converged() -> None:
     converged = flown(200)
     assert np.abs(converged[:, 6:9]).max() > 0.2
     np.testing.assert_allclose(flown(10), converged, atol=1e-4)
+
+
+FREE_START = ((1.0, 2.0, 3.0), (1.0, -2.0, 0.5), (0.9, 0.2, -0.3, 0.25), (3.0, -2.0, 1.5))
+
+
+def end_of_free_flight(kind: str, steps: int) -> np.ndarray:
+    """The same for a body whose attitude is a quaternion, with drag, thrust and torque at work."""
+    physics = physics_of(with_drag(BARE, horizontal=0.5, vertical=0.8, quadratic=0.05))
+    derivative = make_free_derivative(physics, BARE.gravity, (0.5, -1.0, 0.2))
+    position, velocity, attitude, rates = (jnp.asarray(x) for x in FREE_START)
+    start = FreeBody(position, velocity, attitude / jnp.linalg.norm(attitude), rates)
+    push = wrench(8.0, (-6e-3, 8e-3, 4e-3))
+
+    def together(body: FreeBody) -> FreeBody:
+        return FreeBody(*(jnp.stack(list(part)) for part in body))
+
+    def advance(h: jax.Array, n: jax.Array) -> FreeBody:
+        def scaled(body: FreeBody, exerted: object) -> FreeBody:  # see `bodies.integrate`
+            return jax.tree.map(lambda f: h * f, together(derivative(body, exerted)))
+
+        step = make_integrator(kind, scaled, 1.0, substeps=1)
+        return jax.lax.fori_loop(0, n, lambda _, body: step(body, push), start)
+
+    return np.concatenate([np.asarray(part) for part in _free(kind, advance)(DURATION / steps, steps)])
+
+
+_FREE: dict[str, Callable] = {}
+
+
+def _free(kind: str, advance: Callable) -> Callable:
+    return _FREE.setdefault(kind, jax.jit(advance))
+
+
+@pytest.mark.parametrize(("kind", "order"), [("euler", 1), ("semi_implicit", 1), ("midpoint", 2), ("rk4", 4)])
+def test_order_of_convergence_with_a_quaternion(kind: str, order: int) -> None:
+    exact = end_of_free_flight("rk4", 2000)
+    steps = np.array([5, 10, 20, 40] if order == 4 else [20, 40, 80, 160])
+    errors = [np.linalg.norm(end_of_free_flight(kind, int(n)) - exact) for n in steps]
+    slope = -np.polyfit(np.log(steps), np.log(errors), 1)[0]
+    assert slope == pytest.approx(order, abs=0.15)

@@ -1,12 +1,18 @@
 """The rigid body against MuJoCo's free body under the same wrench."""
 
 import jax
+import jax.numpy as jnp
 import mujoco
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from cruise.dynamics import FreeBody
+from cruise.dynamics.integrators import make_integrator
+from cruise.dynamics.parameters import physics_of
+from cruise.dynamics.rigid_body import Wrench, make_free_derivative
 from tests.dynamics.bodies import UNEVEN, body, integrate, wrench
+from tests.dynamics.quadrotors import BARE
 
 DT, STEPS = 5e-4, 3000  # 1.5 s
 
@@ -67,3 +73,40 @@ def test_equals_mujocos_free_body(case: str) -> None:
     np.testing.assert_allclose(end.velocity_w, expected["velocity"], atol=5e-6)
     np.testing.assert_allclose(rotation, expected["rotation"], atol=2e-6)
     np.testing.assert_allclose(end.angular_velocity_b, expected["rates"], atol=2e-6)
+
+
+# The same for a body whose attitude is a quaternion: any attitude and fast tumbling, where Euler angles would end.
+TUMBLING = {
+    "on its back": (9.0, (3e-3, -2e-3, 5e-3), (3.0, 0.2, -0.8), (-1.0, 0.8, 2.0)),
+    "through the vertical": (7.0, (0.0, 0.01, 0.0), (0.0, 1.5, 0.5), (0.5, 6.0, -1.0)),
+    "tumbling": (12.0, (0.02, -0.03, 0.01), (-0.5, 0.2, 0.3), (8.0, -5.0, 3.0)),
+}
+
+
+@pytest.fixture(scope="module")
+def fly_free():
+    """Compiled once for all cases."""
+    physics = physics_of(BARE)._replace(mass=UNEVEN.mass, inertia=UNEVEN.inertia)
+    step = make_integrator("rk4", make_free_derivative(physics, UNEVEN.gravity, None), DT, substeps=1)
+
+    def fly(start: FreeBody, push: Wrench) -> FreeBody:
+        apart = FreeBody(*(tuple(part) for part in start))
+        end = jax.lax.fori_loop(0, STEPS, lambda _, body: step(body, push), apart)
+        return FreeBody(*(jnp.stack(list(part)) for part in end))
+
+    return jax.jit(fly)
+
+
+@pytest.mark.parametrize("case", TUMBLING)
+def test_a_quaternion_equals_mujocos_free_body(case: str, fly_free) -> None:
+    thrust, torque, euler, rates = TUMBLING[case]
+    expected = fly_mujoco(thrust, torque, euler, rates)
+    with jax.enable_x64(True):
+        attitude = Rotation.from_euler("ZYX", euler[::-1]).as_quat(scalar_first=True)
+        start = FreeBody(*(jnp.asarray(np.asarray(x, float)) for x in ((1, 2, 3), (1, -2, 0.5), attitude, rates)))
+        end = fly_free(start, Wrench(jnp.asarray(float(thrust)), jnp.asarray(torque)))
+    rotation = Rotation.from_quat(np.asarray(end.attitude), scalar_first=True).as_matrix()
+    np.testing.assert_allclose(end.position_w, expected["position"], atol=2e-5)
+    np.testing.assert_allclose(end.velocity_w, expected["velocity"], atol=5e-5)
+    np.testing.assert_allclose(rotation, expected["rotation"], atol=2e-5)
+    np.testing.assert_allclose(end.angular_velocity_b, expected["rates"], atol=2e-5)

@@ -2,11 +2,19 @@
 
 from cruise.config import Vehicle
 from cruise.dynamics.cascade import make_cascade
-from cruise.dynamics.types import DroneState, Dynamics, RigidBody
+from cruise.dynamics.parameters import Parameters
+from cruise.dynamics.quadrotor import make_quadrotor
+from cruise.dynamics.references import with_control
+from cruise.dynamics.types import DroneState, Dynamics, FreeBody, Reference, RigidBody
 
-__all__ = ["DroneState", "Dynamics", "RigidBody", "make_dynamics"]
+__all__ = ["DroneState", "Dynamics", "FreeBody", "Parameters", "Reference", "RigidBody", "make_dynamics"]
 
 
 def make_dynamics(vehicle: Vehicle) -> Dynamics:
-    """Pure functions of a vehicle; integrator and controller are chosen here, once."""
-    return make_cascade(vehicle)
+    """Pure functions of a vehicle; integrator, controller and the meaning of an action are chosen here, once.
+
+    Raises:
+        CruiseError: the vehicle cannot be flown by what its actions are said to mean.
+    """
+    dynamics = make_cascade(vehicle) if vehicle.airframe is None else make_quadrotor(vehicle)
+    return with_control(vehicle, dynamics)

@@ -5,8 +5,10 @@ from jaxtyping import Array, Float
 
 from cruise.config import Vehicle
 from cruise.dynamics.integrators import make_integrator
-from cruise.dynamics.rigid_body import Wrench, make_derivative, thrust_axis_w
-from cruise.dynamics.types import DroneState, Dynamics, RigidBody
+from cruise.dynamics.parameters import AS_BUILT, Parameters
+from cruise.dynamics.rigid_body import Wrench, make_derivative, rotation_matrix, thrust_axis_w
+from cruise.dynamics.tracking import demanded_acceleration
+from cruise.dynamics.types import DroneState, Dynamics, Reference, RigidBody
 from cruise.vector import sin_cos
 
 ACTION_SIZE = 3
@@ -48,13 +50,14 @@ def make_cascade(vehicle: Vehicle) -> Dynamics:
     integrate = make_integrator(vehicle.integrator, make_derivative(vehicle), vehicle.control_dt, vehicle.substeps)
     error_scale = vehicle.control_dt * AGILITY_SCALE
 
-    def init(position_w: Array, heading: Array) -> DroneState:
-        del heading  # the mapping to roll and pitch holds at yaw 0, where the attitude loop keeps the drone
+    def init(position_w: Array, heading: Array, parameters: Parameters = AS_BUILT) -> DroneState:
+        del heading, parameters  # the mapping to roll and pitch holds at yaw 0, where the attitude loop keeps the drone
         zero = jnp.zeros_like(position_w)
         return DroneState(RigidBody(position_w, zero, zero, zero), memory=zero)
 
-    def step(state: DroneState, action: Array, agility: Array | float) -> DroneState:
-        body = state.body
+    def step(state: DroneState, action: Array, agility: Array | float, air_w: Array | None = None) -> DroneState:
+        del air_w  # the paper's air stands still and drags nothing
+        body = _body(state)
         error = velocity_error(action, agility, vehicle.control_dt)
         command = commanded_acceleration(vehicle, error, state.memory, body.velocity_w)
         body = integrate(body, wrench_from_acceleration(vehicle, command, body))
@@ -63,10 +66,28 @@ def make_cascade(vehicle: Vehicle) -> Dynamics:
         return DroneState(body._replace(position_w=on_or_above_ground), memory=error)
 
     def proprioception(state: DroneState) -> tuple[Array, ...]:
-        body = state.body
+        body = _body(state)
         sin_yaw, cos_yaw = sin_cos(body.euler[2])
         p, q, r = body.angular_velocity_b
         level_rates = jnp.stack([cos_yaw * p - sin_yaw * q, sin_yaw * p + cos_yaw * q, r])  # tilt left out: it is small
         return thrust_axis_w(body.euler), level_rates / RATE_SCALE, state.memory / error_scale
 
-    return Dynamics(ACTION_SIZE, vehicle.control_dt, init, step, lambda state: state.body.euler, proprioception)
+    def track(state: DroneState, reference: Reference, agility: Array | float) -> Array:
+        return jnp.clip(demanded_acceleration(vehicle.tracking, state, reference, agility), -1.0, 1.0)
+
+    return Dynamics(
+        ACTION_SIZE,
+        vehicle.control_dt,
+        init,
+        step,
+        euler=lambda state: _body(state).euler,
+        proprioception=proprioception,
+        rotation=lambda state: rotation_matrix(_body(state).euler),
+        internal=lambda state: jnp.concatenate([state.angular_velocity_b / RATE_SCALE, state.memory / error_scale]),
+        track=track,
+    )
+
+
+def _body(state: DroneState) -> RigidBody:
+    assert isinstance(state.body, RigidBody)
+    return state.body

@@ -1,13 +1,16 @@
 """Equations of motion of a quadrotor under a collective thrust and a body torque."""
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from cruise.config import Vehicle
-from cruise.dynamics.types import RigidBody
+from cruise.dynamics import quaternion
+from cruise.dynamics.drag import drag_force_w
+from cruise.dynamics.parameters import Physics
+from cruise.dynamics.types import FreeBody, RigidBody
 from cruise.vector import sin_cos
 
 MIN_COS_PITCH = 1e-6  # Euler rates are singular at a pitch of 90 degrees; kept finite there
@@ -17,10 +20,10 @@ class Wrench(NamedTuple):
     """What the rotors exert on the body."""
 
     collective_thrust: Float[Array, "*B"]  # along +z of the body [N]
-    body_torque_b: Float[Array, "3 *B"]  # [N m]
+    body_torque_b: quaternion.Vector  # [3, *B] N m
 
 
-Derivative = Callable[[RigidBody, Wrench], RigidBody]
+Derivative = Callable[[Any, Wrench], Any]  # of a body, a RigidBody or a FreeBody
 
 
 def thrust_axis_w(euler: Float[Array, "3 *B"]) -> Float[Array, "3 *B"]:
@@ -34,6 +37,21 @@ def thrust_axis_w(euler: Float[Array, "3 *B"]) -> Float[Array, "3 *B"]:
             cos_pitch * cos_roll,
         ]
     )
+
+
+def rotation_matrix(euler: Float[Array, "3 *B"]) -> Float[Array, "3 3 *B"]:
+    """R_WB: its columns are the body's axes in the world."""
+    roll, pitch, yaw = euler
+    (sin_roll, cos_roll), (sin_pitch, cos_pitch), (sin_yaw, cos_yaw) = sin_cos(roll), sin_cos(pitch), sin_cos(yaw)
+    ahead = jnp.stack([cos_yaw * cos_pitch, sin_yaw * cos_pitch, -sin_pitch])
+    left = jnp.stack(
+        [
+            cos_yaw * sin_pitch * sin_roll - sin_yaw * cos_roll,
+            sin_yaw * sin_pitch * sin_roll + cos_yaw * cos_roll,
+            cos_pitch * sin_roll,
+        ]
+    )
+    return jnp.stack([ahead, left, thrust_axis_w(euler)], axis=1)
 
 
 def euler_rates(euler: Float[Array, "3 *B"], angular_velocity_b: Float[Array, "3 *B"]) -> Float[Array, "3 *B"]:
@@ -52,20 +70,43 @@ def make_derivative(vehicle: Vehicle) -> Derivative:
 
     def derivative(body: RigidBody, wrench: Wrench) -> RigidBody:
         ax, ay, az = thrust_axis_w(body.euler) * (wrench.collective_thrust / vehicle.mass)
-        p, q, r = body.angular_velocity_b
-        tx, ty, tz = wrench.body_torque_b
-        angular_acceleration = jnp.stack(
-            [
-                (tx - (jz - jy) * q * r) / jx,
-                (ty - (jx - jz) * p * r) / jy,
-                (tz - (jy - jx) * p * q) / jz,
-            ]
-        )
+        angular_acceleration = euler_equation((jx, jy, jz), body.angular_velocity_b, wrench.body_torque_b)
         return RigidBody(
             position_w=body.velocity_w,
             velocity_w=jnp.stack([ax, ay, az - vehicle.gravity]),
             euler=euler_rates(body.euler, body.angular_velocity_b),
-            angular_velocity_b=angular_acceleration,
+            angular_velocity_b=jnp.stack(angular_acceleration),
+        )
+
+    return derivative
+
+
+def euler_equation(inertia: Any, rates: Any, torque: Any) -> quaternion.Three:
+    """Euler's equation J d(omega)/dt = tau - omega x J omega about principal axes, component by component [rad/s^2]."""
+    (jx, jy, jz), (p, q, r), (tx, ty, tz) = inertia, rates, torque
+    return (
+        (tx - (jz - jy) * q * r) / jx,
+        (ty - (jx - jz) * p * r) / jy,
+        (tz - (jy - jx) * p * q) / jz,
+    )
+
+
+def make_free_derivative(physics: Physics, gravity: float, air_w: quaternion.Vector | None) -> Derivative:
+    """Newton's and Euler's equations of a body whose attitude is a quaternion, with drag, component by component."""
+    mass = physics.mass
+
+    def derivative(body: FreeBody, wrench: Wrench) -> FreeBody:
+        axis = quaternion.thrust_axis_w(body.attitude)
+        lift = wrench.collective_thrust / mass
+        ax, ay, az = (lift * component for component in axis)
+        drag = drag_force_w(physics, body.velocity_w, air_w, axis)
+        if drag is not None:
+            ax, ay, az = ax + drag[0] / mass, ay + drag[1] / mass, az + drag[2] / mass
+        return FreeBody(
+            position_w=body.velocity_w,
+            velocity_w=(ax, ay, az - gravity),
+            attitude=quaternion.derivative(body.attitude, body.angular_velocity_b),
+            angular_velocity_b=euler_equation(physics.inertia, body.angular_velocity_b, wrench.body_torque_b),
         )
 
     return derivative

@@ -2,12 +2,15 @@
 
 import functools
 import operator
+from collections.abc import Callable
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from cruise.dynamics.types import Dynamics
+from cruise.env.observation_body import body_observation
+from cruise.env.ranks import ranks
 from cruise.env.types import RaceState
 from cruise.racing.course import Course, pick
 from cruise.racing.field import opponent, opponents
@@ -136,22 +139,8 @@ def _nearest_first(normal: Array, state: RaceState) -> list[Float[Array, "9 N *B
     return [at(slot) for slot in range(len(features))]
 
 
-def ranks(values: list[Float[Array, "*B"]]) -> list[Int[Array, "*B"]]:
-    """Place of each value in ascending order, ties in order of the list.
-
-    By counting, because XLA's sort calls its comparison element by element on the CPU.
-    """
-    places = [jnp.zeros(v.shape, jnp.int32) for v in values]
-    for i in range(len(values)):
-        for j in range(i + 1, len(values)):
-            later_first = (values[j] < values[i]).astype(jnp.int32)
-            places[i] += later_first
-            places[j] += 1 - later_first
-    return places
-
-
-def world_action(course: Course, next_gate: Int[Array, "*B"], action: Float[Array, "A *B"]) -> Float[Array, "A *B"]:
-    """What a policy on the paper's observation says is the action."""
+def own_action(course: Course, next_gate: Int[Array, "*B"], action: Float[Array, "A *B"]) -> Float[Array, "A *B"]:
+    """What a policy says is the action, in whatever frame the vehicle takes it."""
     del course, next_gate
     return action
 
@@ -161,5 +150,13 @@ def gate_action(course: Course, next_gate: Int[Array, "*B"], action: Float[Array
     return from_gate_frame(pick(course.normal_w, next_gate), action)
 
 
-OBSERVATIONS = {"paper": paper_observation, "extended": extended_observation}
-ACTIONS = {"paper": world_action, "extended": gate_action}
+OBSERVATIONS = {"paper": paper_observation, "extended": extended_observation, "body": body_observation}
+FOR_ANY_FIELD = frozenset({"body"})  # do not depend on the number of drones
+
+
+def action_decoder(kind: str, dynamics: Dynamics) -> Callable[[Course, Array, Array], Array]:
+    """How what a policy on one kind of observation says becomes the vehicle's action.
+
+    Only directions in the world can be given in a gate's frame; thrust and body rates are the body's own.
+    """
+    return gate_action if kind == "extended" and dynamics.action_frame == "world" else own_action

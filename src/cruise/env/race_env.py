@@ -9,8 +9,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from cruise.config import ObservationKind, RewardWeights, Track, Vehicle
-from cruise.dynamics import DroneState, Dynamics, make_dynamics
-from cruise.env.observation import ACTIONS, OBSERVATIONS
+from cruise.dynamics import DroneState, Dynamics, Parameters, make_dynamics
+from cruise.dynamics.parameters import AS_BUILT
+from cruise.env.observation import OBSERVATIONS, action_decoder
 from cruise.env.reward import Motion, Target, reward_components, total_reward
 from cruise.env.types import Collisions, RaceState, Rules, StepOutcome
 from cruise.racing.contacts import nearest_opponent, on_ground, out_of_bounds
@@ -23,6 +24,7 @@ FLIP_ANGLE = jnp.pi / 2
 
 Observe = Callable[[RaceState], Array]
 Decode = Callable[[Array, Array], Array]
+Perturb = Callable[[Array, tuple[int, ...]], Parameters]  # (key, (N, *B)) -> what those drones really are
 
 
 class RaceEnv(NamedTuple):
@@ -33,31 +35,38 @@ class RaceEnv(NamedTuple):
     course: Course
     dynamics: Dynamics
     reset: Callable[..., RaceState]  # (key, batch=(), gate=None) -> state
-    begin: Callable[[Start], RaceState]  # a race from a given start grid
+    begin: Callable[..., RaceState]  # (start grid, parameters of the drones) -> state
     step: Callable[[RaceState, Array, Rules], tuple[RaceState, StepOutcome]]
     observe: Callable[[RaceState], Array]  # [O, N, *B], of the kind the environment was made with
-    decode: Callable[[Array, Array], Array]  # (next_gate, action): from the frame a policy observes in to the world's
+    decode: Callable[[Array, Array], Array]  # (next_gate, action): from a policy's frame to that of the vehicle
     observe_as: dict[str, Callable[[RaceState], Array]]  # every kind, for pilots that were trained on another
     decode_as: dict[str, Callable[[Array, Array], Array]]
 
 
 def _detect_collisions(
     course: Course,
-    dynamics: Dynamics,
+    flipped: Array,
     drones: DroneState,
     hit_frame: Array,
     nearest: Array,
     rules: Rules,
 ) -> Collisions:
     position = drones.position_w
-    roll, pitch, _ = dynamics.euler(drones)
     return Collisions(
         drone=nearest < rules.collision_distance,
         ground=on_ground(position),
         gate_frame=hit_frame,
         bounds=out_of_bounds(course, position),
-        flip=(jnp.abs(roll) > FLIP_ANGLE) | (jnp.abs(pitch) > FLIP_ANGLE),
+        flip=flipped,
     )
+
+
+def _flipped(vehicle: Vehicle, dynamics: Dynamics, drones: DroneState) -> Bool[Array, "N *B"]:
+    """Rolled or pitched past 90 degrees, where that is a crash."""
+    if not vehicle.flip_ends:
+        return jnp.zeros(drones.position_w.shape[1:], bool)
+    roll, pitch, _ = dynamics.euler(drones)
+    return (jnp.abs(roll) > FLIP_ANGLE) | (jnp.abs(pitch) > FLIP_ANGLE)
 
 
 def _freeze(frozen: Bool[Array, "N *B"], old: DroneState, new: DroneState) -> DroneState:
@@ -71,30 +80,47 @@ def make_race_env(
     vehicle: Vehicle,
     observation: ObservationKind = "extended",
     reward: RewardWeights | None = None,
+    perturb: Perturb | None = None,
 ) -> RaceEnv:
-    """Build the functions of a race. Options are settled here, not inside the step."""
+    """Build the functions of a race. Options are settled here, not inside the step.
+
+    Args:
+        track: where.
+        num_drones: how many.
+        vehicle: what all of them fly.
+        observation: what `observe` gives.
+        reward: weights; by default those of `RewardWeights`.
+        perturb: draws the physical parameters of the drones of every race that `reset` starts; by default all are as
+            their vehicle says.
+    """
     weights = reward or RewardWeights()
     course = make_course(track)
     dynamics = make_dynamics(vehicle)
 
-    def begin(start: Start) -> RaceState:
-        drones = dynamics.init(start.position_w, start.heading)
+    def begin(start: Start, parameters: Parameters = AS_BUILT) -> RaceState:
+        drones = dynamics.init(start.position_w, start.heading, parameters)
         shape = start.heading.shape
         none = jnp.zeros(shape, bool)
         gate = jnp.broadcast_to(start.gate, shape)
         return RaceState(drones, gate, jnp.zeros(shape, jnp.int32), none, none, jnp.zeros(shape[1:], jnp.int32))
 
     def reset(key: Array, batch: tuple[int, ...] = (), gate: int | None = None) -> RaceState:
-        return begin(start_grid(course, key, num_drones, batch, gate))
+        start = start_grid(course, key, num_drones, batch, gate)
+        if perturb is None:
+            return begin(start)
+        return begin(start, perturb(jax.random.fold_in(key, 1), (num_drones, *batch)))
 
     def step(state: RaceState, action: Float[Array, "A N *B"], rules: Rules) -> tuple[RaceState, StepOutcome]:
         airborne = state.airborne
-        drones = _freeze(~airborne, state.drones, dynamics.step(state.drones, action, rules.agility))
+        air_w = dynamics.induced_air(state.drones, airborne) if dynamics.induced_air else None
+        moved = dynamics.step(state.drones, action, rules.agility, air_w)
+        drones = _freeze(~airborne, state.drones, moved)
         start_w, end_w = state.drones.position_w, drones.position_w
         crossing = cross_gates(course, start_w, end_w, state.next_gate, rules.gate_tolerance)
         crossing = crossing._replace(passed=once(crossing.passed & airborne))
-        nearest = nearest_opponent(start_w, end_w, airborne)
-        collisions = _detect_collisions(course, dynamics, drones, crossing.hit_frame, nearest, rules)
+        nearest = nearest_opponent(start_w, end_w, airborne, vehicle.collision_aspect)
+        flipped = _flipped(vehicle, dynamics, drones)
+        collisions = _detect_collisions(course, flipped, drones, crossing.hit_frame, nearest, rules)
         collisions = Collisions(*(hit & airborne for hit in collisions))
 
         solid = once(collisions.drone | collisions.ground | collisions.gate_frame)
@@ -124,7 +150,9 @@ def make_race_env(
     observe_as: dict[str, Observe] = {
         kind: functools.partial(function, course, dynamics) for kind, function in OBSERVATIONS.items()
     }
-    decode_as: dict[str, Decode] = {kind: functools.partial(function, course) for kind, function in ACTIONS.items()}
+    decode_as: dict[str, Decode] = {
+        kind: functools.partial(action_decoder(kind, dynamics), course) for kind in OBSERVATIONS
+    }
     return RaceEnv(
         num_drones=num_drones,
         track=track,

@@ -19,9 +19,15 @@ def closest_approach(
 
 
 def nearest_opponent(
-    start_w: Float[Array, "3 N *B"], end_w: Float[Array, "3 N *B"], airborne: Bool[Array, "N *B"]
+    start_w: Float[Array, "3 N *B"], end_w: Float[Array, "3 N *B"], airborne: Bool[Array, "N *B"], aspect: float = 1.0
 ) -> Float[Array, "N *B"]:
-    """Closest approach to any other drone in the air within the step [m]; infinite when alone."""
+    """Closest approach to any other drone in the air within the step [m]; infinite when alone.
+
+    With another `aspect` than 1 heights count as if divided by it: the distance is that along the horizontal axes of an
+    ellipsoid about the drone, `aspect` times as high as wide, on whose surface the other drone comes to lie.
+    """
+    if aspect != 1.0:
+        start_w, end_w = (jnp.stack([x, y, z / aspect]) for x, y, z in (start_w, end_w))
     nearest = jnp.full(airborne.shape, jnp.inf)
     for k in opponents(airborne.shape[0]):
         distance = closest_approach(start_w, end_w, opponent(start_w, k, 1), opponent(end_w, k, 1))

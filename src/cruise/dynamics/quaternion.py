@@ -1,0 +1,71 @@
+"""Attitude as a unit quaternion (w, x, y, z), Hamilton's, that turns vectors of the body into the world's.
+
+Functions take the components one by one, as arrays over whatever axes: see `cruise.vector` for why.
+"""
+
+from typing import Any
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from cruise.vector import sin_cos
+
+Component = Float[Array, "*B"]
+Three = tuple[Component, Component, Component]
+Four = tuple[Component, Component, Component, Component]
+Vector = Any  # three components: a tuple of arrays [*B], or an array [3, *B]
+Quaternion = Any  # four of them, likewise
+
+NEARLY_VERTICAL = 1 - 1e-6  # sine of the pitch beyond which roll and yaw are one turn
+
+
+def from_heading(heading: Float[Array, "*B"]) -> Float[Array, "4 *B"]:
+    """Level, the body's x axis towards `heading` [rad]."""
+    sine, cosine = sin_cos(heading / 2)
+    zero = jnp.zeros_like(heading)
+    return jnp.stack([cosine, zero, zero, sine])
+
+
+def derivative(q: Quaternion, angular_velocity_b: Vector) -> Four:
+    """Give q (0, omega) / 2 (Diebel, Representing Attitude, 2006)."""
+    w, x, y, z = q
+    p, r, s = angular_velocity_b
+    return (
+        -0.5 * (x * p + y * r + z * s),
+        0.5 * (w * p + y * s - z * r),
+        0.5 * (w * r + z * p - x * s),
+        0.5 * (w * s + x * r - y * p),
+    )
+
+
+def normalise(q: Quaternion) -> Four:
+    """Length one again, which an integrator keeps only to its order."""
+    w, x, y, z = q
+    shrink = 1 / jnp.sqrt(w * w + x * x + y * y + z * z)
+    return w * shrink, x * shrink, y * shrink, z * shrink
+
+
+def thrust_axis_w(q: Quaternion) -> Three:
+    """The body's z axis in the world."""
+    w, x, y, z = q
+    return 2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)
+
+
+def rotation_matrix(q: Float[Array, "4 *B"]) -> Float[Array, "3 3 *B"]:
+    """R_WB: its columns are the body's axes in the world."""
+    w, x, y, z = q
+    forward = [1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)]
+    left = [2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)]
+    up = thrust_axis_w((w, x, y, z))
+    return jnp.stack([jnp.stack(list(row)) for row in zip(forward, left, up, strict=True)])
+
+
+def to_euler(q: Float[Array, "4 *B"]) -> Float[Array, "3 *B"]:
+    """Roll, pitch, yaw (ZYX) [rad]; at a pitch of 90 degrees, where only their sum means anything, roll is 0."""
+    w, x, y, z = q
+    sine = jnp.clip(2 * (w * y - x * z), -1.0, 1.0)
+    vertical = jnp.abs(sine) > NEARLY_VERTICAL
+    roll = jnp.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
+    yaw = jnp.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+    turn = jnp.arctan2(2 * w * z, w * w - z * z)
+    return jnp.stack([jnp.where(vertical, 0.0, roll), jnp.arcsin(sine), jnp.where(vertical, turn, yaw)])

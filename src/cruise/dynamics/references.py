@@ -1,0 +1,55 @@
+"""What an action means: the vehicle's own command, or a reference that its loops follow."""
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from cruise.config import Vehicle
+from cruise.dynamics.types import DroneState, Dynamics, Reference
+from cruise.errors import CruiseError
+
+REFERENCE_SIZE = 3
+
+
+def reference_of(
+    vehicle: Vehicle, state: DroneState, action: Float[Array, "3 *B"], agility: Array | float
+) -> Reference:
+    """The reference that an action in [-1, 1]^3 stands for, in the world's frame.
+
+    `acceleration`: agility x action [m/s^2]. `velocity`: `tracking.speed` x action [m/s]. `position`: a point
+    `tracking.reach` x action [m] from the drone.
+    """
+    action = jnp.clip(action, -1.0, 1.0)
+    if vehicle.control == "acceleration":
+        return Reference(acceleration_w=agility * action)
+    if vehicle.control == "velocity":
+        return Reference(velocity_w=vehicle.tracking.speed * action)
+    return Reference(position_w=state.position_w + vehicle.tracking.reach * action)
+
+
+def with_control(vehicle: Vehicle, dynamics: Dynamics) -> Dynamics:
+    """The vehicle flown by what `vehicle.control` says, through its own `track` where that is a reference.
+
+    Raises:
+        CruiseError: body rates are asked of a vehicle that has no airframe.
+    """
+    if vehicle.airframe is None and vehicle.control == "ctbr":
+        raise CruiseError(
+            f"vehicle {vehicle.name!r} has no airframe that follows thrust and body rates: its control must be "
+            "acceleration, velocity or position"
+        )
+    own = "acceleration" if vehicle.airframe is None else "ctbr"
+    if vehicle.control == own:
+        return dynamics
+
+    def step(
+        state: DroneState, action: Float[Array, "3 *B"], agility: Array | float, air_w: Array | None = None
+    ) -> DroneState:
+        reference = reference_of(vehicle, state, action, agility)
+        return dynamics.step(state, dynamics.track(state, reference, agility), agility, air_w)
+
+    def track(state: DroneState, reference: Reference, agility: Array | float) -> Array:
+        raise CruiseError(
+            f"vehicle {vehicle.name!r} is flown by {vehicle.control}: give its actions the reference itself"
+        )
+
+    return dynamics._replace(action_size=REFERENCE_SIZE, step=step, track=track, action_frame="world")
