@@ -1,7 +1,8 @@
-# make race     the shipped policies race: result table and race.png
+# make race     the shipped policies race: result table, race.png, and race.html to watch it in a browser
 # make test     every test
 # make policies trains the shipped policies anew, half an hour on 2 cores
 # make check    formatting, lint, types, import layers
+# make viewer   builds the replay page anew from viewer/; needs npm
 # Each makes .venv first, with the versions of constraints.txt. PYTHON=... chooses the interpreter (3.11 to 3.13).
 
 SUPPORTED := import sys, venv, ensurepip; sys.exit(not (3, 11) <= sys.version_info < (3, 14))
@@ -13,13 +14,13 @@ INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --co
 WORKERS ?= 2
 
 .DEFAULT_GOAL := help
-.PHONY: help race test check policies clean
+.PHONY: help race test check viewer check-viewer policies clean
 
 help:
 	@sed -n 's/^# \(make .*\)/\1/p' Makefile
 
 race: $(VENV)/.installed
-	@$(BIN)/cruise race
+	@$(BIN)/cruise race --open
 
 test: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest -n $(WORKERS)
@@ -29,6 +30,13 @@ check: $(VENV)/.installed-dev
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+viewer:
+	cd viewer && npm ci --silent && npm run --silent build
+
+# The committed page is the one that viewer/ builds.
+check-viewer:
+	cd viewer && npm ci --silent && npm run --silent check
 
 CELLS := ring-2 ring-3 ring-4 figure-eight-2 figure-eight-3 figure-eight-4
 

@@ -1,4 +1,4 @@
-"""`cruise race`: a result table, a picture, a log; and nothing but one line where something is wrong."""
+"""`cruise race`: a result table, a picture, a replay, a log; and nothing but one line where something is wrong."""
 
 import numpy as np
 import pytest
@@ -21,6 +21,7 @@ def test_race_writes_table_picture_and_log(tmp_path, capsys):
     assert main(["race", *flags, "--log", "out/race.npz"]) == 0
     output = capsys.readouterr()
     assert (tmp_path / "race.png").read_bytes().startswith(b"\x89PNG")
+    assert (tmp_path / "race.html").read_bytes().startswith(b"<!doctype html>")
     log = load_race_log("out/race.npz")
     drones = race_result(log).drones
     assert log.pilots.tolist() == ["chaser", "hover"]
@@ -29,9 +30,20 @@ def test_race_writes_table_picture_and_log(tmp_path, capsys):
     assert "time limit" in output.out
     assert output.err == ""
 
-    assert main(["race", *flags, "--png", "None", "--log", "again.npz"]) == 0
+    assert main(["race", *flags, "--png", "None", "--html", "None", "--log", "again.npz"]) == 0
     assert (tmp_path / "again.npz").read_bytes() == (tmp_path / "out" / "race.npz").read_bytes()
     assert not list(tmp_path.glob("None*"))
+
+
+def test_several_races_share_a_page_and_have_logs_of_their_own(tmp_path, capsys):
+    flags = ["--pilot", "chaser", "--pilot", "hover", "--laps", "1", "--png", "None", "--races", "2"]
+    assert main(["race", *flags, "--log", "race.npz"]) == 0
+    assert (tmp_path / "race.html").read_bytes().count(b'"label":"race ') == 2
+    logs = [load_race_log(f"race-{k}.npz") for k in (1, 2)]
+    assert not np.array_equal(logs[0].position_w[0], logs[1].position_w[0])
+    written = capsys.readouterr().out
+    assert all(f"{min(drone.finish_time for drone in race_result(log).drones):.2f} s" in written for log in logs)
+    assert not (tmp_path / "race.png").exists()
 
 
 def test_track_and_drones_come_from_the_policy(tmp_path, capsys):
@@ -53,6 +65,9 @@ BAD = {
     "negative seed": (["--pilot", "chaser", "--seed", "-1"], "seed must be from 0 to"),
     "picture of another kind": (["--pilot", "chaser", "--png", "race.jpg"], "--png must name a .png file"),
     "log of another kind": (["--pilot", "chaser", "--log", "race.csv"], "--log must name a .npz file"),
+    "page of another kind": (["--pilot", "chaser", "--html", "race.htm"], "--html must name a .html file"),
+    "nothing to open": (["--pilot", "chaser", "--html", "None", "--open"], "--open shows the replay"),
+    "no races": (["--pilot", "chaser", "--races", "0"], "--races must be from 1 to 1000, got 0"),
     "log is a folder": (["--pilot", "chaser", "--log", "folder.npz"], "--log folder.npz is a folder"),
     "for other drones": (["--policy", "duel", "--drones", "3"], "was trained for races of 2 drones, this race has 3"),
     "damaged policy": (["--policy", "damaged"], "not a whole safetensors file"),
@@ -96,5 +111,8 @@ def test_nothing_is_written_where_the_log_cannot_be(tmp_path, capsys):
 def test_help_names_every_flag(capsys):
     assert main(["race", "--help"]) == 0
     text = capsys.readouterr().out
-    assert all(f"--{flag}" in text for flag in ("track", "drones", "policy", "pilot", "laps", "seed", "png", "log"))
+    assert all(
+        f"--{flag}" in text
+        for flag in ("track", "drones", "policy", "pilot", "laps", "seed", "races", "png", "html", "log")
+    )
     assert np.max([len(line) for line in text.splitlines()]) <= 120

@@ -8,7 +8,7 @@ import tyro
 
 from cruise.cli.compilation import use_compilation_cache
 from cruise.cli.line_up import described, usual_track
-from cruise.cli.race import check_output
+from cruise.cli.outputs import check_output
 from cruise.errors import CruiseError
 from cruise.racing.track_file import load_track
 

@@ -1,22 +1,24 @@
-"""`cruise race`: one race, its result, a picture and a log."""
+"""`cruise race`: races, their result, a picture, a replay and a log."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import tyro
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Column, Table
 
 from cruise.cli.compilation import use_compilation_cache
 from cruise.cli.line_up import LineUp, described
+from cruise.cli.outputs import Outputs
 from cruise.errors import CruiseError
 
 if TYPE_CHECKING:
     from cruise.evaluation.metrics import RaceResult
     from cruise.storage.race_log import RaceLog
+
+MAX_RACES = 1000
 
 
 @dataclass(frozen=True)
@@ -28,42 +30,30 @@ class Race:
     """Laps to fly. By default the track's."""
     seed: int = 0
     """Of the random start."""
-    png: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = Path("race.png")
-    """Where to draw the race. `--png None` draws nothing."""
-    log: Annotated[Path | None, described("FILE")] = None
-    """Where to write the race log (.npz; docs/race-log.md describes it)."""
+    races: int = 1
+    """How many races, each from a random start of its own; the replay steps through them."""
+    outputs: Outputs = field(default_factory=Outputs)
 
     def run(self) -> int:
-        """Fly the race, print the result table, write picture and log."""
-        check_output("--png", self.png, ".png")
-        check_output("--log", self.log, ".npz")
+        """Fly the races, print the result, write what shows them."""
+        self.outputs.check()
         use_compilation_cache()
         from cruise.evaluation.matches import run_races  # noqa: PLC0415  (imports JAX)
         from cruise.evaluation.metrics import race_result  # noqa: PLC0415
-        from cruise.report.race_figure import draw_race  # noqa: PLC0415
-        from cruise.storage.atomic import write_atomically  # noqa: PLC0415
 
-        log = next(run_races(self.line_up.match(self.laps), 1, self.seed))
-        picture = draw_race(log) if self.png is not None else b""
-        if self.log is not None:
-            log.save(self.log)
-        if self.png is not None:
-            write_atomically(self.png, picture)
-        Console().print(result_table(log, race_result(log)))
-        for name, path in (("picture", self.png), ("log", self.log)):
-            if path is not None:
-                print(f"{name:8} {path}")
+        if not 1 <= self.races <= MAX_RACES:
+            raise CruiseError(f"--races must be from 1 to {MAX_RACES}, got {self.races}")
+        logs = list(run_races(self.line_up.match(self.laps), self.races, self.seed))
+        results = [race_result(log) for log in logs]
+        products = self.outputs.write(logs, race_labels(self.seed, len(logs)))
+        Console().print(result_table(logs[0], results[0]) if len(logs) == 1 else races_table(logs[0], results))
+        self.outputs.tell(products)
         return 0
 
 
-def check_output(flag: str, path: Path | None, ending: str) -> None:
-    """Raises CruiseError where a file cannot be meant, before anything is flown for it."""
-    if path is None:
-        return
-    if path.suffix != ending:
-        raise CruiseError(f"{flag} must name a {ending} file, got {str(path)!r}")
-    if path.is_dir():
-        raise CruiseError(f"{flag} {path} is a folder")
+def race_labels(seed: int, races: int) -> list[str]:
+    """What tells the races of one command apart."""
+    return [f"seed {seed}"] if races == 1 else [f"race {race}" for race in range(1, races + 1)]
 
 
 def result_table(log: "RaceLog", result: "RaceResult") -> Table:
@@ -76,6 +66,21 @@ def result_table(log: "RaceLog", result: "RaceResult") -> Table:
         laps_flown = max(0, mine.gates_passed - 1) // log.num_gates
         measured = (f"{laps_flown}", seconds(mine.finish_time), seconds(mine.best_lap), f"{mine.top_speed:.2f} m/s")
         table.add_row(str(rank), str(drone + 1), escape(str(log.pilots[drone])), *measured, mine.fate)
+    return table
+
+
+def races_table(log: "RaceLog", results: Sequence["RaceResult"]) -> Table:
+    """Several races, one row each."""
+    titles = ("race", "won by", "time", "best lap", "finished", "overtakes")
+    laps = "1 lap" if log.laps == 1 else f"{log.laps} laps"
+    title = escape(f"{log.track}, {laps}, {log.num_drones} drones")
+    table = Table(*(Column(name, justify="right") for name in titles), title=title)
+    for race, result in enumerate(results, start=1):
+        best = result.drones[result.ranking[0]]
+        winner = f"drone {result.winner + 1}" if result.winner >= 0 else "nobody"
+        lap = min((drone.best_lap for drone in result.drones if not math.isnan(drone.best_lap)), default=math.nan)
+        finished = f"{sum(drone.finished for drone in result.drones)} of {len(result.drones)}"
+        table.add_row(str(race), winner, seconds(best.finish_time), seconds(lap), finished, str(result.overtakes))
     return table
 
 

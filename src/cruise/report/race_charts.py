@@ -5,7 +5,8 @@ from itertools import pairwise
 import numpy as np
 from matplotlib.axes import Axes
 
-from cruise.report.race_scene import FAINT, START_WIDTH, Scene, Style, colour, crashes, flown, style, tidy
+from cruise.palette import drone_colour as colour
+from cruise.report.race_scene import FAINT, START_WIDTH, Scene, Style, crashes, flown, style, tidy
 
 
 def draw_gaps(axes: Axes, scene: Scene) -> None:

@@ -7,8 +7,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
+from cruise.palette import drone_colour as colour
 from cruise.report import race_charts as charts
-from cruise.report.race_scene import INK, Scene, Style, colour, crashes, flown, make_scene, style, tidy
+from cruise.report.race_scene import INK, Scene, Style, crashes, flown, make_scene, style, tidy
 from cruise.storage.race_log import RaceLog
 
 GATE = "#444444"

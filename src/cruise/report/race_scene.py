@@ -7,12 +7,12 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from cruise.evaluation.metrics import RaceResult, crossing_times, race_result
+from cruise.palette import DRONE_COLOURS
+from cruise.palette import drone_colour as colour
 from cruise.storage.race_log import COLLISIONS, EVENT_KINDS, RaceLog
 
 Style = dict[str, Any]
 
-# Okabe and Ito's colours, distinct to colour-blind eyes, without yellow, which white swallows.
-COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#000000")
 DASHES = ("-", "--", ":")  # tell drones of the same colour apart
 INK, FAINT = "#222222", "#9a9a9a"
 START_WIDTH = 0.6  # of the way to the first gate, which is shorter than the others, in gates
@@ -53,12 +53,7 @@ def progress(log: RaceLog, crossings: np.ndarray) -> np.ndarray:
 
 def style(drone: int) -> Style:
     """Colour and dashes of a drone's lines."""
-    return {"color": COLOURS[drone % len(COLOURS)], "linestyle": DASHES[drone // len(COLOURS) % len(DASHES)]}
-
-
-def colour(drone: int) -> str:
-    """Colour of a drone's marks."""
-    return COLOURS[drone % len(COLOURS)]
+    return {"color": colour(drone), "linestyle": DASHES[drone // len(DRONE_COLOURS) % len(DASHES)]}
 
 
 def flown(scene: Scene, drone: int) -> slice:

@@ -86,10 +86,14 @@ class RaceLog:
 
     def save(self, path: Path | str) -> None:
         """Write a `.npz` file whole or not at all; `numpy.load(path, allow_pickle=False)` reads it."""
+        write_atomically(path, self.to_bytes())
+
+    def to_bytes(self) -> bytes:
+        """The content of the `.npz` file."""
         buffer = io.BytesIO()
         arrays = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
         np.savez_compressed(buffer, allow_pickle=False, **arrays)
-        write_atomically(path, buffer.getvalue())
+        return buffer.getvalue()
 
 
 def load_race_log(path: Path | str) -> RaceLog:
@@ -141,6 +145,8 @@ _BROKEN_ARCHIVE = (ValueError, OSError, EOFError, KeyError, TypeError, Attribute
 
 
 def _read(data: bytes, where: str) -> dict[str, np.ndarray]:
+    if not zipfile.is_zipfile(io.BytesIO(data)):
+        raise CruiseError(f"{where}: not a readable .npz file")
     try:
         with np.load(io.BytesIO(data), allow_pickle=False) as archive:
             return {name: archive[name] for name in archive.files}

@@ -1,0 +1,1 @@
+"""Races to look at: the 3-D replay page, the live view, and films."""

@@ -1,0 +1,134 @@
+"""A race log as the data of the replay page, described in `docs/replay.md`."""
+
+from typing import Any
+
+import numpy as np
+
+from cruise.evaluation.metrics import DroneResult, RaceResult, crossing_times, events_of, race_result
+from cruise.palette import drone_colour
+from cruise.storage.race_log import EVENT_KINDS, EventKind, RaceLog
+from cruise.viewer.samples import pack_samples
+
+DECIMALS = 4  # of times and lengths outside the samples
+MOVING = 0.5  # slower drones show nothing about where they look [m/s]
+
+
+def pack_race(log: RaceLog, label: str, ghost: RaceLog | None = None) -> dict[str, Any]:
+    """Everything that the page shows of a race.
+
+    Args:
+        log: the race.
+        label: what tells this race from the others of the page, as "seed 3".
+        ghost: another race on the same track, whose drones fly along, translucent and out of competition.
+
+    Returns:
+        Plain numbers, text, lists and dictionaries.
+    """
+    result = race_result(log)
+    drones = [_pack_drone(log, result.drones[drone], drone, ghost=False) for drone in range(log.num_drones)]
+    if ghost is not None:
+        results = race_result(ghost).drones
+        drones += [_pack_drone(ghost, results[drone], drone, ghost=True) for drone in range(ghost.num_drones)]
+    return {
+        "label": label,
+        "outcome": describe_outcome(result),
+        "track": log.track,
+        "vehicle": log.vehicle,
+        "laps": log.laps,
+        "duration": _number(float(log.time[-1])),
+        "sample_period": _number(log.control_dt),
+        "gates": _pack_gates(log),
+        "first_gate": int(log.next_gate[0, 0]),
+        "frame_width": _number(log.frame_width),
+        "bounds": _numbers(log.bounds),
+        "first_person": "body" if looks_ahead(log) else "flight",
+        "drones": drones,
+        "ranking": list(result.ranking),
+        "events": _pack_events(log),
+    }
+
+
+def describe_outcome(result: RaceResult) -> str:
+    """Who won and what went wrong, in one phrase."""
+    out = sum(bool(drone.collision) for drone in result.drones)
+    losses = f", {out} out" if out else ""
+    return f"drone {result.winner + 1} wins{losses}" if result.winner >= 0 else f"nobody finishes{losses}"
+
+
+def looks_ahead(log: RaceLog) -> bool:
+    """Whether drones turn their nose to where they fly, so that a camera in the nose sees the way."""
+    velocity, yaw = log.velocity_w[..., :2], log.euler[..., 2]
+    speed = np.linalg.norm(velocity, axis=-1)
+    moving = log.airborne & (speed > MOVING)
+    if not moving.any():
+        return False
+    ahead = (velocity[..., 0] * np.cos(yaw) + velocity[..., 1] * np.sin(yaw))[moving] / speed[moving]
+    return bool(np.median(ahead) > np.cos(np.pi / 4))
+
+
+def overtakes(log: RaceLog) -> list[tuple[float, int, int, int]]:
+    """Time, overtaker, overtaken and gate of every overtaking.
+
+    A drone has overtaken another when it was behind at a crossing and before it at the next; the time is that of the
+    overtaker's crossing.
+    """
+    times = crossing_times(log)
+    behind = times[:, None] - times[None]
+    drone, other, crossing = np.nonzero((behind[..., :-1] > 0) & (behind[..., 1:] < 0))
+    gate = (log.next_gate[0, 0] + crossing + 1) % log.num_gates
+    rows = zip(times[drone, crossing + 1].tolist(), drone.tolist(), other.tolist(), gate.tolist(), strict=True)
+    return sorted(rows)
+
+
+def _pack_drone(log: RaceLog, result: DroneResult, drone: int, ghost: bool) -> dict[str, Any]:
+    flown = slice(0, int(log.airborne[:, drone].sum()) + 1)
+    states = (array[flown, drone] for array in (log.position_w, log.velocity_w, log.euler))
+    return {
+        "number": drone + 1,
+        "pilot": str(log.pilots[drone]),
+        "colour": drone_colour(drone),
+        "ghost": ghost,
+        "fate": result.fate,
+        "finish": _number(result.finish_time),
+        "crash": _crash_time(log, drone),
+        "crossings": _numbers(events_of(log, EventKind.CROSSING, drone)),
+        "samples": pack_samples(log.time[flown], *states),
+    }
+
+
+def _crash_time(log: RaceLog, drone: int) -> float | None:
+    """When a drone's race ended by a collision [s]."""
+    collision = (log.event_kind >= EventKind.COLLISION_DRONE) & (log.event_kind <= EventKind.COLLISION_FLIP)
+    times = log.event_time[collision & (log.event_drone == drone)].tolist()
+    return _number(times[0]) if times else None
+
+
+def _pack_gates(log: RaceLog) -> list[dict[str, Any]]:
+    rows = zip(_numbers(log.gate_position), _numbers(log.gate_yaw), _numbers(log.gate_size), strict=True)
+    return [{"position": centre, "yaw": yaw, "size": size} for centre, yaw, size in rows]
+
+
+def _pack_events(log: RaceLog) -> list[dict[str, Any]]:
+    """What happened apart from crossings, in order of time."""
+    columns = (log.event_time, log.event_kind, log.event_drone, log.event_gate, log.event_other)
+    rows = zip(*(column.tolist() for column in columns), strict=True)
+    events = [
+        _event(time, EVENT_KINDS[kind], drone, gate, other)
+        for time, kind, drone, gate, other in rows
+        if kind != EventKind.CROSSING
+    ]
+    events += [_event(time, "overtake", drone, gate, other) for time, drone, other, gate in overtakes(log)]
+    return sorted(events, key=lambda event: event["time"])
+
+
+def _event(time: float, kind: str, drone: int, gate: int, other: int) -> dict[str, Any]:
+    return {"time": _number(time), "kind": kind, "drone": drone, "gate": gate, "other": other}
+
+
+def _number(value: float) -> float | None:
+    """A number of JSON, which has no NaN."""
+    return None if np.isnan(value) else round(float(value), DECIMALS)
+
+
+def _numbers(values: np.ndarray) -> list:
+    return np.round(np.asarray(values, np.float64), DECIMALS).tolist()

@@ -1,0 +1,45 @@
+// Races that arrive while the page is open, by server-sent events.
+
+const KEPT = 30; // races
+
+export class Live {
+  /** @param app  @param stream address of the events */
+  constructor(app, stream, badge) {
+    this.app = app;
+    this.badge = badge;
+    this.say("connecting", "Waiting for the first race");
+    this.source = new EventSource(stream);
+    this.source.addEventListener("open", () =>
+      this.say("live", app.races.length ? "Live" : "Waiting for the first race"),
+    );
+    this.source.addEventListener("error", () => this.say("lost", "Connection lost, trying again"));
+    this.source.addEventListener("race", (event) => this.#take(JSON.parse(event.data)));
+    this.source.addEventListener("status", (event) => this.#status(JSON.parse(event.data)));
+    this.source.addEventListener("end", (event) => this.#end(JSON.parse(event.data)));
+  }
+
+  #take(race) {
+    const { app } = this;
+    const idle = app.race === null || (app.atEnd && app.index === app.races.length - 1);
+    app.races.push(race);
+    if (app.races.length > KEPT) app.races.splice(app.index === 0 ? 1 : 0, 1);
+    if (idle) app.showRace(app.races.length - 1, { play: true });
+    else app.listRaces();
+    this.say("live", "Live");
+  }
+
+  #status({ text }) {
+    this.app.element("status").textContent = text;
+  }
+
+  #end({ text }) {
+    this.source.close();
+    this.say("over", text);
+  }
+
+  say(state, text) {
+    this.badge.hidden = false;
+    this.badge.dataset.state = state;
+    this.badge.textContent = text;
+  }
+}
