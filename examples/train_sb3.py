@@ -30,7 +30,7 @@ def main():
     parser.add_argument("--track", default="ring")
     parser.add_argument("--drones", type=int, default=1)
     parser.add_argument("--opponent", default=None, help="a pilot, as for cruise race --pilot")
-    parser.add_argument("--steps", type=int, default=2_000_000)
+    parser.add_argument("--steps", type=int, default=1_000_000)
     parser.add_argument("--races", type=int, default=256, help="in parallel")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--episodes", type=int, default=100, help="races in which the result is measured")

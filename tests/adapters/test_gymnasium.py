@@ -183,6 +183,19 @@ def test_opponents_in_python():
     assert CountsItsObjects.made == RACES * 3  # one for every race, three episodes
 
 
+def test_another_vehicle_and_its_observation():
+    env = RaceEnv(track="ring", drones=1, vehicle="racer", observation="body", episode_steps=5)
+    observation, _ = env.reset(seed=0)
+    assert env.action_space.shape == (4,)
+    assert observation in env.observation_space
+    assert env.metadata["render_fps"] > 10
+    for step in range(5):
+        observation, reward, terminated, truncated, _ = env.step(np.zeros(4, np.float32))
+        assert observation in env.observation_space
+        assert np.isfinite(reward)
+        assert (terminated, truncated) == (False, step == 4)
+
+
 def test_text():
     env = gymnasium.make("cruise/Race-v0", **DUEL, render_mode="ansi")
     env.reset(seed=2)

@@ -8,12 +8,12 @@ from tests.env.races import RING, race_env, random_race
 
 
 @pytest.mark.parametrize("drones", [1, 3])
-@pytest.mark.parametrize("kind", ["extended", "paper"])
+@pytest.mark.parametrize("kind", ["extended", "paper", "body"])
 def test_sizes_and_bounds(kind, drones):
     env = race_env(drones)
     state = random_race(env, out=0.3 if drones > 1 else 0.0)
-    entries = observation_layout(kind, drones, len(RING.gates), "paper", 3)
     seen = np.asarray(env.observe_as[kind](state))
+    entries = observation_layout(kind, drones, len(RING.gates), "paper", seen.shape[0])
     assert sum(entry.size for entry in entries) == seen.shape[0]
     first = 0
     for entry in entries:
@@ -47,10 +47,11 @@ def test_quantities_over_their_scales():
             "height": position[..., 2:],
             "opponent_1_closeness": np.exp(-np.linalg.norm(other, axis=2, keepdims=True)),
         },
+        "body": {"height": position[..., 2:]},
     }
     for kind, quantities in expected.items():
         seen, first = np.asarray(env.observe_as[kind](state)), 0
-        for entry in observation_layout(kind, 2, len(RING.gates), "paper", 3):
+        for entry in observation_layout(kind, 2, len(RING.gates), "paper", seen.shape[0]):
             if entry.name in quantities:
                 scaled = np.clip(quantities[entry.name] / entry.scale, entry.low, entry.high)
                 part = np.moveaxis(seen[first : first + entry.size], 0, 2)

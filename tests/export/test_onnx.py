@@ -1,5 +1,6 @@
 """ONNX models do in onnxruntime what the policy does in JAX, say what they are, and race."""
 
+import dataclasses
 import json
 
 import numpy as np
@@ -11,6 +12,7 @@ import cruise
 from cruise.errors import CruiseError
 from cruise.evaluation.pilot_choice import find_pilot, pilot_meta
 from cruise.export import files
+from cruise.presets import TRACKS
 from cruise.storage.onnx_file import read_contract
 from cruise.storage.policy_file import save_policy
 from tests.export.conftest import KINDS, policy_of
@@ -159,3 +161,16 @@ def test_nothing_is_written_where_the_model_does_something_else(exporters, tmp_p
     ):
         exporters("paper").onnx(tmp_path / "p.onnx")
     assert not list(tmp_path.iterdir())
+
+
+def test_policies_that_cannot_be_exported():
+    shipped = policy_of("shipped")
+    for change, message in (
+        ({"vehicle": "racer"}, "policy 'ring-4' flies vehicle 'racer'; only paper can be exported"),
+        ({"observation": "body"}, "policy 'ring-4' sees the observation 'body'; only extended, paper can be exported"),
+        ({"drones": 2}, "reads 56 numbers, but the 'extended' observation has 38"),
+    ):
+        policy = dataclasses.replace(shipped, meta=dataclasses.replace(shipped.meta, **change))
+        with pytest.raises(CruiseError) as error:
+            files.Exporter.of(policy, TRACKS["ring"])
+        assert message in str(error.value)

@@ -103,6 +103,11 @@ class Witness:
         return [0.0, 0.0, 0.1 * view.drone]
 
 
+def cos_sin(yaw, pitch):
+    """The body's forward axis in the world."""
+    return [np.cos(yaw) * np.cos(pitch), np.sin(yaw) * np.cos(pitch), -np.sin(pitch)]
+
+
 def test_what_a_pilot_sees_beside_others():
     Witness.made.clear()
     witness = wrap(Witness)
@@ -116,6 +121,10 @@ def test_what_a_pilot_sees_beside_others():
         for k, view in enumerate(flown_by.views):
             assert view.drone == drone
             assert view.time == pytest.approx(k * 0.1)
+            forward, left, up = view.rotation_wb.T
+            np.testing.assert_allclose(np.cross(forward, left), up, atol=1e-6)
+            _, pitch, yaw = view.euler
+            np.testing.assert_allclose(forward, cos_sin(yaw, pitch), atol=1e-6)
             for name in ("position_w", "velocity_w", "euler"):
                 np.testing.assert_allclose(getattr(view, name), getattr(flight, name)[k, :, drone, race], atol=1e-6)
             np.testing.assert_allclose(view.others_position_w, flight.position_w[k][:, around, race].T, atol=1e-6)

@@ -50,7 +50,7 @@ class RaceOptions:
     vehicle: str = "paper"
     """Name of a preset."""
     agility: float | None = None
-    """Scale of the learner's action [m/s^2]. By default the stage's."""
+    """Scale of the learner's action [m/s^2]. By default the stage's, with other vehicles than the paper's their own."""
     episode_steps: int | None = None
     """Time limit in control steps, at which an episode is truncated. By default 600, or a race's usual limit."""
 
@@ -134,7 +134,8 @@ def _chosen(options: RaceOptions) -> tuple[Vehicle, RewardWeights, Stage, float]
     if isinstance(number, bool) or not isinstance(number, int) or not 1 <= number <= len(CURRICULUM):
         raise CruiseError(f"stage must be from 1 to {len(CURRICULUM)}, or {RACE!r}, got {options.stage!r}")
     stage = CURRICULUM[number - 1]
-    agility = stage.agility if options.agility is None else float(options.agility)
+    usual = stage.agility if options.vehicle == "paper" else VEHICLES[options.vehicle].agility
+    agility = usual if options.agility is None else float(options.agility)
     if not (math.isfinite(agility) and agility > 0):
         raise CruiseError(f"agility must be above 0 and finite, got {agility}")
     return VEHICLES[options.vehicle], weights, stage, agility

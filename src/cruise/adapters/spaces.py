@@ -11,9 +11,8 @@ from cruise.env.observation_layout import Entry, observation_layout
 def layout_of(setup: Setup) -> tuple[Entry, ...]:
     """What the numbers of the observation are, in their order."""
     env = setup.env
-    drones = jax.eval_shape(env.reset, jax.random.key(0)).drones
-    felt = len(jax.eval_shape(env.dynamics.proprioception, drones))
-    return observation_layout(setup.observation, env.num_drones, len(setup.track.gates), setup.vehicle.name, felt)
+    size = jax.eval_shape(lambda key: env.observe(env.reset(key)), jax.random.key(0)).shape[0]
+    return observation_layout(setup.observation, env.num_drones, len(setup.track.gates), setup.vehicle.name, size)
 
 
 def observation_box(setup: Setup) -> gymnasium.spaces.Box:

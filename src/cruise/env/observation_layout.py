@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 from cruise.config import ObservationKind
+from cruise.env import observation_body as body
 from cruise.env.observation import (
     DISTANCE_MAX,
     GATE_RANGE,
@@ -23,7 +24,7 @@ class Entry(NamedTuple):
     quantity: str
     unit: str
     scale: float
-    frame: str  # world: x, y, z up; gate: forward, left, up of the target gate, whose normal is forward
+    frame: str  # world: x, y, z up; gate: forward, left, up of the target gate; body: forward, left, up of the drone
     low: float  # bounds after scale and clip
     high: float
 
@@ -37,9 +38,7 @@ FELT: dict[str, tuple[tuple[str, str, str, float], ...]] = {
 }  # proprioception by vehicle: name, quantity, unit, scale
 
 
-def observation_layout(
-    kind: ObservationKind, drones: int, gates: int, vehicle: str, proprioception: int
-) -> tuple[Entry, ...]:
+def observation_layout(kind: ObservationKind, drones: int, gates: int, vehicle: str, size: int) -> tuple[Entry, ...]:
     """The entries of an observation.
 
     Args:
@@ -47,11 +46,14 @@ def observation_layout(
         drones: in the race.
         gates: of the track.
         vehicle: name of the preset, for what the drone feels.
-        proprioception: number of vectors that the vehicle feels.
+        size: of the observation: what no entry explains, the vehicle feels.
     """
     if kind == "paper":
         return _paper(drones, gates)
-    return _extended(drones, vehicle, proprioception)
+    if kind == "body":
+        return _body(size)
+    without = sum(entry.size for entry in _extended(drones, vehicle, 0))
+    return _extended(drones, vehicle, (size - without) // 3)
 
 
 def _paper(drones: int, gates: int) -> tuple[Entry, ...]:
@@ -114,3 +116,33 @@ def _opponent(place: int) -> tuple[Entry, ...]:
         entry("approach_time", 1, "until the two are nearest at constant velocities", "s", LOOK_AHEAD, low=0.0),
         entry("approach_closeness", 1, "exp(-distance / 1 m) then", "", 1.0, low=0.0),
     )
+
+
+def _body(size: int) -> tuple[Entry, ...]:
+    def entry(name: str, numbers: int, quantity: str, unit: str, scale: float, low: float = -body.LIMIT) -> Entry:
+        return Entry(name, numbers, quantity, unit, scale, "body", low, body.LIMIT)
+
+    gates = (
+        entry(f"gate_{ahead}_{corner}", 3, "from the drone to this corner of the opening", "m", body.CORNER_RANGE)
+        for ahead in range(1, body.GATES_AHEAD + 1)
+        for corner in ("upper_left", "lower_left", "lower_right", "upper_right")
+    )
+    nearest = (
+        one
+        for place in range(1, body.NEAREST + 1)
+        for one in (
+            entry(f"opponent_{place}_offset", 3, "position minus own, the nearest first", "m", body.OPPONENT_RANGE),
+            entry(f"opponent_{place}_motion", 3, "velocity minus own", "m/s", body.SPEED_RANGE),
+            entry(f"opponent_{place}_present", 1, "1; 0, as all of it, where there is none", "", 1.0, low=0.0),
+        )
+    )
+    seen = (
+        *gates,
+        entry("velocity", 3, "own velocity", "m/s", body.SPEED_RANGE),
+        entry("up", 3, "the world's up", "", 1.0),
+        entry("height", 1, "above the ground", "m", body.HEIGHT_RANGE),
+        *nearest,
+    )
+    felt = size - sum(one.size for one in seen)
+    place = next(i for i, one in enumerate(seen) if one.name == "height")
+    return (*seen[:place], entry("felt", felt, "what the vehicle feels of itself", "", 1.0), *seen[place:])

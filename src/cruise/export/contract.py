@@ -13,6 +13,7 @@ from cruise.storage.onnx_file import FORMAT_VERSION, Contract, ExportedGate, Int
 from cruise.storage.policy_file import Policy
 
 SUPPORTED = ("paper",)  # vehicles whose state the exported observation is built from
+OBSERVATIONS = ("extended", "paper")
 
 
 def export_env(policy: Policy, track: Track) -> RaceEnv:
@@ -21,6 +22,11 @@ def export_env(policy: Policy, track: Track) -> RaceEnv:
     if meta.vehicle not in SUPPORTED:
         raise CruiseError(
             f"policy {meta.name!r} flies vehicle {meta.vehicle!r}; only {', '.join(SUPPORTED)} can be exported"
+        )
+    if meta.observation not in OBSERVATIONS:
+        names = ", ".join(OBSERVATIONS)
+        raise CruiseError(
+            f"policy {meta.name!r} sees the observation {meta.observation!r}; only {names} can be exported"
         )
     env = make_race_env(track, meta.drones, VEHICLES[meta.vehicle], meta.observation)
     policy.pilot().init(env, tuple(range(meta.drones)), standing(env))
@@ -35,13 +41,13 @@ def standing(env: RaceEnv) -> Any:
 def make_contract(policy: Policy, track: Track, env: RaceEnv, interface: Interface) -> Contract:
     """The contract of a policy."""
     meta = policy.meta
-    felt = len(jax.eval_shape(env.dynamics.proprioception, standing(env).drones))
-    layout = observation_layout(meta.observation, meta.drones, len(track.gates), meta.vehicle, felt)
+    size = int(policy.params.actor.layers[0].in_features)
+    layout = observation_layout(meta.observation, meta.drones, len(track.gates), meta.vehicle, size)
     entries, first = [], 0
     for entry in layout:
         entries.append(ObservationEntry(first=first, **entry._asdict()))
         first += entry.size
-    assert first == policy.params.actor.layers[0].in_features
+    assert first == size
     return Contract(
         format=FORMAT_VERSION,
         interface=interface,

@@ -19,11 +19,10 @@ from cruise.env.race_env import RaceEnv
 from cruise.env.types import RaceState
 from cruise.errors import CruiseError
 from cruise.pilots.base import Memory, Pilot, rows
-from cruise.presets import CURRICULUM, VEHICLES
+from cruise.presets import VEHICLES
 
 Style = Literal["function", "object", "batch"]
 
-USUAL_AGILITY = CURRICULUM[-1].agility
 DEFAULT_BUDGET = 10.0  # per action: a pilot that hangs is found, one on a busy machine is not disturbed [s]
 HERE = str(Path(__file__).parent)
 RULES = "act(view) gives its action, or act_batch(view) those of many drones"
@@ -61,7 +60,7 @@ class Commanded(eqx.Module):
 
     observation: ObservationKind | None = eqx.field(static=True, default=None)
     name: str = eqx.field(static=True, default="commanded")
-    agility: float = eqx.field(static=True, default=USUAL_AGILITY)
+    agility: float = eqx.field(static=True, default=1.0)
     vehicle: str = eqx.field(static=True, default="paper")
 
     def init(self, env: RaceEnv, drones: tuple[int, ...], state: RaceState) -> Memory:
@@ -108,9 +107,10 @@ def wrap(thing: object, name: str | None = None, budget: float = DEFAULT_BUDGET)
     if observation not in (None, *get_args(ObservationKind)):
         kinds = ", ".join(get_args(ObservationKind))
         raise CruiseError(f"pilot {name!r}: unknown observation {observation!r}; there are {kinds}, or None")
-    agility, vehicle = _agility(thing, name), getattr(thing, "vehicle", "paper")
+    vehicle = getattr(thing, "vehicle", "paper")
     if vehicle not in VEHICLES:
         raise CruiseError(f"pilot {name!r}: unknown vehicle {vehicle!r}; vehicles: {', '.join(VEHICLES)}")
+    agility = _agility(thing, name, VEHICLES[vehicle].agility)
     return ForeignPilot(make, style, name, agility, vehicle, observation, budget)
 
 
@@ -141,8 +141,8 @@ def _has_method(kind: type, method: str) -> bool:
     return any(callable(vars(base).get(method)) for base in kind.__mro__)
 
 
-def _agility(thing: object, name: str) -> float:
-    agility = getattr(thing, "agility", USUAL_AGILITY)
+def _agility(thing: object, name: str, usual: float) -> float:
+    agility = getattr(thing, "agility", usual)
     if isinstance(agility, bool) or not isinstance(agility, int | float | np.number) or not 0 < agility < math.inf:
         raise CruiseError(f"pilot {name!r}: agility must be a number above 0, got {agility!r}")
     return float(agility)

@@ -36,6 +36,7 @@ class View(NamedTuple):
     position_w: np.ndarray  # [3] m
     velocity_w: np.ndarray  # [3] m/s
     euler: np.ndarray  # [3] roll, pitch, yaw (ZYX) [rad]
+    rotation_wb: np.ndarray  # [3, 3] turns the body's vectors (forward, left, up) into the world's
     angular_velocity_b: np.ndarray  # [3] about the body's axes [rad/s]
     next_gate: int | np.ndarray  # index of the gate to pass next
     gates_passed: int | np.ndarray  # since the start
@@ -56,6 +57,7 @@ class Sight(NamedTuple):
     position_w: np.ndarray
     velocity_w: np.ndarray
     euler: np.ndarray
+    rotation_wb: np.ndarray
     angular_velocity_b: np.ndarray
     next_gate: np.ndarray
     gates_passed: np.ndarray
@@ -84,7 +86,7 @@ def _look(env: RaceEnv, state: RaceState, kinds: tuple[str, ...]) -> tuple[dict[
     batch = state.step.ndim
 
     def users(values: Array) -> Array:
-        """[C, N, *B] -> [E, N, C], [N, *B] -> [E, N] and [*B] -> [E]."""
+        """[C, N, *B] -> [E, N, C], [N, *B] -> [E, N] and [*B] -> [E]; the order of all axes is turned around."""
         return values.reshape(*values.shape[: values.ndim - batch], -1).T
 
     drones = state.drones
@@ -92,7 +94,8 @@ def _look(env: RaceEnv, state: RaceState, kinds: tuple[str, ...]) -> tuple[dict[
         "position_w": users(drones.position_w),
         "velocity_w": users(drones.velocity_w),
         "euler": users(env.dynamics.euler(drones)),
-        "angular_velocity_b": users(drones.body.angular_velocity_b),
+        "rotation_wb": users(env.dynamics.rotation(drones)).swapaxes(-1, -2),
+        "angular_velocity_b": users(drones.angular_velocity_b),
     }
     flags = {name: users(getattr(state, name)) for name in ("step", "next_gate", "gates_passed", "airborne")}
     return vectors, flags, {kind: users(env.observe_as[kind](state)) for kind in kinds}
@@ -133,6 +136,7 @@ class Lookout(NamedTuple):
             sight.position_w[:, drone],
             sight.velocity_w[:, drone],
             sight.euler[:, drone],
+            sight.rotation_wb[:, drone],
             sight.angular_velocity_b[:, drone],
             sight.next_gate[:, drone],
             sight.gates_passed[:, drone],
