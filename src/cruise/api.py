@@ -9,10 +9,10 @@ from cruise.errors import CruiseError
 from cruise.evaluation import matches
 from cruise.evaluation.pilot_choice import PilotChoice
 from cruise.evaluation.summary import Evaluation
-from cruise.presets import VEHICLES
 from cruise.racing.track_file import load_track
 from cruise.storage.policy_file import load_policy
 from cruise.storage.race_log import RaceLog
+from cruise.vehicles import find_vehicle
 
 __all__ = ["evaluate", "load_policy", "load_track", "make_env", "race"]
 
@@ -42,11 +42,9 @@ def make_env(
     Raises:
         CruiseError: no such track or vehicle, or a number out of range.
     """
-    if vehicle not in VEHICLES:
-        raise CruiseError(f"unknown vehicle {vehicle!r}; vehicles: {', '.join(VEHICLES)}")
     if not 1 <= drones <= matches.MAX_DRONES:
         raise CruiseError(f"drones must be from 1 to {matches.MAX_DRONES}, got {drones}")
-    return make_race_env(_track(track), drones, VEHICLES[vehicle], observation, reward)
+    return make_race_env(_track(track), drones, find_vehicle(vehicle), observation, reward)
 
 
 def race(
@@ -55,6 +53,7 @@ def race(
     pilots: PilotChoice | Sequence[PilotChoice] | None = None,
     laps: int | None = None,
     seed: int = 0,
+    vehicle: str | None = None,
 ) -> RaceLog:
     """Fly one race from a random standing start and give its log.
 
@@ -66,6 +65,7 @@ def race(
             this track and number of drones.
         laps: by default the track's.
         seed: the same seed gives the same race.
+        vehicle: name of the vehicle that all fly; by default the one that the pilots were made for, or `paper`.
 
     Returns:
         The race as NumPy arrays; `log.save("race.npz")` keeps it.
@@ -73,7 +73,8 @@ def race(
     Raises:
         CruiseError: what was asked for does not exist or does not go together.
     """
-    return next(matches.run_races(matches.make_match(_track(track), drones, pilots, laps), 1, seed))
+    match = matches.make_match(_track(track), drones, pilots, laps, vehicle=vehicle)
+    return next(matches.run_races(match, 1, seed))
 
 
 def evaluate(
@@ -82,6 +83,7 @@ def evaluate(
     pilots: PilotChoice | Sequence[PilotChoice] | None = None,
     episodes: int = 100,
     seed: int = 0,
+    vehicle: str | None = None,
 ) -> Evaluation:
     """Measure pilots over many races, each from a fresh random start.
 
@@ -91,6 +93,7 @@ def evaluate(
         pilots: as for `race`.
         episodes: number of races.
         seed: of the starts, which differ from those of training for every seed.
+        vehicle: as for `race`.
 
     Returns:
         Success, lap times, speeds, collisions and overtakes, each with mean, standard deviation and 95 % interval;
@@ -99,7 +102,7 @@ def evaluate(
     Raises:
         CruiseError: what was asked for does not exist or does not go together.
     """
-    return matches.evaluate(_track(track), drones, pilots, episodes, seed)
+    return matches.evaluate(_track(track), drones, pilots, episodes, seed, vehicle)
 
 
 def _track(choice: TrackChoice) -> Track:

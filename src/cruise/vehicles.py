@@ -1,8 +1,10 @@
 """Named vehicles: numbers and where they come from. `docs/vehicles.md` has the equations and the sources in full."""
 
+import difflib
 from dataclasses import replace
 
 from cruise.config import Airframe, Battery, Drag, Rates, Rotors, Tracking, Vehicle
+from cruise.errors import CruiseError
 
 GRAVITY = 9.81
 
@@ -84,6 +86,16 @@ VEHICLES: dict[str, Vehicle] = {
         _CRAZYFLIE,
     )
 }
+
+
+def find_vehicle(name: str) -> Vehicle:
+    """The vehicle of this name. Raises CruiseError, naming those there are, where there is none."""
+    if name not in VEHICLES:
+        close = difflib.get_close_matches(name, VEHICLES, n=1)
+        hint = f"did you mean {close[0]!r}? " if close else ""
+        raise CruiseError(f"unknown vehicle {name!r}: {hint}vehicles: {', '.join(VEHICLES)}")
+    return VEHICLES[name]
+
 
 # Batteries that these vehicles fly with: `replace(vehicle.airframe, battery=BATTERIES[...])` lets them sag.
 BATTERIES: dict[str, Battery] = {

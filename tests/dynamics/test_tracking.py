@@ -126,8 +126,19 @@ def test_the_paper_vehicle_takes_no_body_rates() -> None:
         make_dynamics(replace(VEHICLES["paper"], control="ctbr"))
 
 
-def test_a_vehicle_flown_by_references_is_told_them_directly() -> None:
-    flown = dynamics_of(replace(RACER, control="velocity"))
-    state = flown.init(jnp.zeros(3), jnp.zeros(()))
-    with pytest.raises(CruiseError, match="vehicle 'racer' is flown by velocity: give its actions the reference"):
-        flown.track(state, Reference(), 10.0)
+@pytest.mark.parametrize("name", ["paper", "racer"])
+@pytest.mark.parametrize("control", ["acceleration", "velocity", "position"])
+def test_whatever_its_actions_mean_a_vehicle_follows_a_reference_alike(name: str, control: Control) -> None:
+    """`track` of a vehicle flown by references gives the reference that makes it do what it would do anyway."""
+    vehicle = VEHICLES[name]
+    own, flown = dynamics_of(vehicle), dynamics_of(replace(vehicle, control=control))
+    state = own.init(jnp.array([0.0, 0.0, 4.0]), jnp.zeros(()))
+    near, slow = jnp.array([0.2, -0.1, 4.1]), jnp.array([0.1, 0.05, -0.1])
+    for reference in (
+        Reference(position_w=near),
+        Reference(velocity_w=slow),
+        Reference(position_w=near, velocity_w=slow, acceleration_w=slow),
+    ):
+        expected = own.step(state, own.track(state, reference, vehicle.agility), vehicle.agility)
+        got = flown.step(state, flown.track(state, reference, vehicle.agility), vehicle.agility)
+        jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, atol=1e-5), got, expected)

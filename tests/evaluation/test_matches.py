@@ -10,7 +10,7 @@ from cruise.errors import CruiseError
 from cruise.evaluation import matches
 from cruise.evaluation.matches import Match, evaluate, evaluate_policy, make_match, run_races
 from cruise.pilots.scripted import SCRIPTED, Chaser
-from cruise.presets import TRACKS
+from cruise.presets import TRACKS, VEHICLES
 from cruise.storage import policy_file
 from tests.storage.policies import write_policy
 
@@ -35,6 +35,16 @@ def test_pilots_take_turns():
     assert make_match(RING, 2, fast).team == (fast, fast)
 
 
+def test_pilots_with_a_name_fly_what_the_others_fly():
+    racer = Chaser(name="fast").for_vehicle(VEHICLES["racer"])
+    for match in (make_match(RING, 2, [racer, "hover"]), make_match(RING, 2, "chaser", vehicle="racer")):
+        assert {pilot.vehicle for pilot in match.team} == {"racer"}
+        assert match.vehicle is VEHICLES["racer"]
+    together = make_match(RING, 3, ["chaser", "hover", "chaser"], vehicle="racer").team
+    assert together[0] is together[2]
+    assert make_match(RING, 1, "chaser").vehicle.name == "paper"
+
+
 def test_a_policy_named_twice_is_one_pilot(tmp_path):
     path = write_policy(tmp_path / "p")
     match = make_match(RING, 2, [str(path), str(path)])
@@ -56,7 +66,16 @@ BAD = {
     "too many pilots": (lambda: make_match(RING, 2, ["chaser"] * 3), "3 pilots for 2 drones"),
     "no pilots": (lambda: make_match(RING, 2, []), "0 pilots for 2 drones"),
     "no such pilot": (lambda: make_match(RING, 2, ["chaser", "ace"]), "policy 'ace' not found"),
-    "two vehicles": (lambda: make_match(RING, 2, ["chaser", Chaser(vehicle="kite")]), "pilots of different vehicles"),
+    "two vehicles": (lambda: make_match(RING, 2, [Chaser(), Chaser(vehicle="racer")]), "pilots of different vehicles"),
+    "no such vehicle": (lambda: make_match(RING, 2, "chaser", vehicle="racr"), "unknown vehicle 'racr': did you mean"),
+    "another vehicle": (
+        lambda: make_match(RING, 2, [Chaser(), "hover"], vehicle="racer"),
+        "pilot 'chaser' was made for vehicle 'paper', this race flies 'racer'",
+    ),
+    "nothing shipped": (
+        lambda: make_match(RING, 2, vehicle="crazyflie"),
+        "no policy is shipped for track 'ring' with 2 drones and vehicle 'crazyflie'",
+    ),
     "no races": (lambda: next(run_races(make_match(RING, 1, "chaser"), 0, 0)), "number of races must be from 1"),
     "seed below 0": (lambda: next(run_races(make_match(RING, 1, "chaser"), 1, -1)), "seed must be from 0"),
     "seed too large": (lambda: next(run_races(make_match(RING, 1, "chaser"), 1, 2**40)), "seed must be from 0"),
@@ -117,6 +136,14 @@ def test_more_races_than_fit_in_a_batch(mixed, monkeypatch):
     assert len(logs) == 7
     starts = {log.position_w[0].tobytes() for log in logs}
     assert len(starts) == 7
+
+
+def test_a_race_of_racers_is_a_log_of_theirs():
+    log = next(run_races(make_match(RING, 2, ["chaser", "hover"], laps=1, vehicle="racer"), 1, seed=1))
+    assert (log.vehicle, log.control_dt, log.action.shape[2]) == ("racer", 0.02, 4)
+    np.testing.assert_allclose(np.diff(log.time), 0.02)
+    assert len(log.event_time[log.event_kind == 7]) == 1  # the chaser has finished
+    assert log.time[-1] == pytest.approx(150.0)  # and the other hovered until the time limit
 
 
 def test_starts_are_not_those_of_training(mixed, logs):

@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 from cruise.env.race_env import make_race_env
-from cruise.errors import CruiseError
 from cruise.pilots.scripted import SCRIPTED
 from cruise.presets import TRACKS, VEHICLES
 from cruise.rollout import fly, team_rules
@@ -13,9 +12,9 @@ from cruise.rollout import fly, team_rules
 RACES = 16
 
 
-def fly_alone(name, track, laps, steps):
-    env = make_race_env(TRACKS[track], 1, VEHICLES["paper"])
-    team = [SCRIPTED[name]]
+def fly_alone(name, track, laps, steps, vehicle="paper"):
+    env = make_race_env(TRACKS[track], 1, VEHICLES[vehicle])
+    team = [SCRIPTED[name].for_vehicle(VEHICLES[vehicle])]
     rules = team_rules(team, 0.25, laps * env.course.num_gates + 1, (RACES,))
     return fly(env, team, rules, jax.random.key(5), steps, (RACES,))
 
@@ -36,9 +35,25 @@ def test_hover_stays_where_it_started():
     assert len(flight.action) == 300
 
 
-@pytest.mark.parametrize("name", SCRIPTED)
-def test_they_fly_the_papers_vehicle_only(name):
-    env = make_race_env(TRACKS["ring"], 1, VEHICLES["paper"])
-    other = env._replace(dynamics=env.dynamics._replace(action_size=4))
-    with pytest.raises(CruiseError, match=f"pilot '{name}' commands 3 accelerations, this vehicle takes 4 numbers"):
-        SCRIPTED[name].init(other, (0,), jax.eval_shape(env.reset, jax.random.key(0)))
+@pytest.mark.parametrize("track", TRACKS)
+def test_chaser_flies_a_racer(track):
+    """Faster than the paper's vehicle can, through every gate."""
+    flight = fly_alone("chaser", track, laps=2, steps=1500, vehicle="racer")
+    assert flight.finished[-1].all()
+    assert not flight.crossing.missed.any()
+    assert flight.action.shape[1] == 4
+    speed = np.linalg.norm(flight.velocity_w, axis=1)[flight.airborne]
+    assert 4 < speed.mean() < 7
+
+
+def test_hover_holds_a_crazyflie():
+    flight = fly_alone("hover", "ring", laps=1, steps=200, vehicle="crazyflie")
+    assert flight.airborne.all()
+    assert np.abs(flight.position_w - flight.position_w[0]).max() < 0.05
+
+
+def test_for_the_papers_vehicle_they_are_what_they_are():
+    for pilot in SCRIPTED.values():
+        assert pilot.for_vehicle(VEHICLES["paper"]) is pilot
+        aboard = pilot.for_vehicle(VEHICLES["racer"])
+        assert (aboard.vehicle, aboard.agility) == ("racer", VEHICLES["racer"].agility)

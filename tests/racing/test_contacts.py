@@ -39,6 +39,19 @@ def test_closest_approach_is_the_minimum_within_the_step() -> None:
     assert (expected < ends - 0.3).sum() > 40  # drones that come near between two samples occur
 
 
+@pytest.mark.parametrize("aspect", [0.5, 2.5])
+def test_an_ellipsoid_is_touched_where_its_surface_is(aspect: float) -> None:
+    """Distance along the horizontal axes of an ellipsoid `aspect` times as high as wide: that of samples, stretched."""
+    pairs = random_pairs(300, seed=4)
+    starts, ends = (np.stack([pairs[i], pairs[i + 2]], axis=1) for i in (0, 1))
+    flying = np.ones(starts.shape[1:], bool)
+    shape = np.array([[1.0], [1.0], [1 / aspect]])
+    stretched = [points.astype(np.float64) * shape for points in pairs]
+    expected = sampled_distance(*stretched)
+    found = np.asarray(nearest_opponent(jnp.asarray(starts), jnp.asarray(ends), jnp.asarray(flying), aspect))
+    np.testing.assert_allclose(found, np.stack([expected] * 2), atol=5e-3)
+
+
 def test_closest_approach_symmetries() -> None:
     """Swapping the drones, flying backwards, or moving the world changes nothing."""
     start0, end0, start1, end1 = random_pairs(1500, seed=1)

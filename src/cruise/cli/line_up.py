@@ -35,8 +35,11 @@ class LineUp:
     policy: Annotated[str | None, described("NAME|PATH")] = None
     """Flies every drone: a shipped policy, a .safetensors file or the folder of a run. By default the one shipped."""
     pilot: Annotated[tuple[str, ...], tyro.conf.UseAppendAction, described("NAME|PATH|FILE.py:NAME")] = ()
-    """Flies one drone: a policy as above, an exported .onnx file, chaser or hover, or a pilot of your own in Python, as
-    FILE.py:NAME or MODULE:NAME, whose code is run. Repeat it, once per drone; fewer take turns."""
+    """Flies one drone: a policy as above, an exported .onnx file, one of chaser, hover, se-ibr and se-ibr-tuned, or a
+    pilot of your own in Python, as FILE.py:NAME or MODULE:NAME, whose code is run. Repeat it, once per drone; fewer
+    take turns."""
+    vehicle: Annotated[str | None, described("NAME")] = None
+    """What all of them fly (`cruise vehicles` lists them). By default what the pilots were made for, or paper."""
     budget_ms: float = 10_000.0
     """Time for each action of a pilot in Python; one that takes longer ends the race with an error [ms]."""
 
@@ -50,7 +53,7 @@ class LineUp:
         metas = _metas(choices)
         track = load_track(self.track) if self.track is not None else usual_track(*metas[:1])
         drones = self.drones if self.drones is not None else _usual_drones(metas, choices)
-        return make_match(track, drones, choices or None, laps, self.budget_ms / 1e3)
+        return make_match(track, drones, choices or None, laps, self.budget_ms / 1e3, self.vehicle)
 
 
 def _metas(choices: list[str]) -> "list[PolicyMeta]":

@@ -53,6 +53,7 @@ COMMANDS = {
     "reproduce": Entry("cruise.cli.reproduce", "Reproduce", "Run the paper's experiments again and write a report."),
     "new-pilot": Entry("cruise.cli.new_pilot", "NewPilot", "Write a pilot in Python to start from."),
     "export": Entry("cruise.cli.export", "Export", "Write a policy as an ONNX model or a C header."),
+    "vehicles": Entry("cruise.cli.vehicles", "Vehicles", "List the vehicles."),
     "policies": Entry("cruise.cli.policies", "Policies", "List the shipped policies."),
 }
 
@@ -98,7 +99,7 @@ def _parse(arguments: list[str]) -> Command:
         close = difflib.get_close_matches(chosen, COMMANDS, n=1)
         hint = f"did you mean {close[0]!r}? " if close else ""
         raise CruiseError(f"unknown command {chosen!r}: {hint}commands: {', '.join(COMMANDS)} (see cruise --help)")
-    kinds = [_described(name, entry, load=name == chosen) for name, entry in COMMANDS.items()]
+    kinds = [_described(name, entry, arguments[1:] if name == chosen else None) for name, entry in COMMANDS.items()]
     complaint = io.StringIO()
     try:
         with contextlib.redirect_stderr(complaint):
@@ -122,9 +123,14 @@ def _one_line(boxed: str) -> str:
     return " ".join(words).removeprefix("Parsing error ").removeprefix("Unrecognized options ")
 
 
-def _described(name: str, entry: Entry, load: bool) -> Any:
-    kind = getattr(importlib.import_module(entry.module), entry.dataclass) if load else Unused
-    return Annotated[kind, tyro.conf.subcommand(name, description=entry.summary)]
+def _described(name: str, entry: Entry, flags: list[str] | None) -> Any:
+    """A sub-command for the parser, and its defaults where they depend on a flag; without `flags` it is not loaded."""
+    if flags is None:
+        return Annotated[Unused, tyro.conf.subcommand(name, description=entry.summary)]
+    kind = getattr(importlib.import_module(entry.module), entry.dataclass)
+    if not hasattr(kind, "usual"):
+        return Annotated[kind, tyro.conf.subcommand(name, description=entry.summary)]
+    return Annotated[kind, tyro.conf.subcommand(name, default=kind.usual(flags), description=entry.summary)]
 
 
 def _complain(message: str, code: int = BAD_INPUT) -> int:

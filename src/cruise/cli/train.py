@@ -1,7 +1,9 @@
 """`cruise train`: train a policy through the curriculum, or resume a run."""
 
 import dataclasses
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -11,10 +13,12 @@ from rich.console import Console
 from cruise.cli.compilation import prepare_training
 from cruise.cli.line_up import described
 from cruise.cli.progress import make_screen
-from cruise.config import RewardWeights, TrainConfig
+from cruise.cli.watch import Watch
+from cruise.config import TrainConfig
 from cruise.errors import CruiseError
-from cruise.presets import REWARDS, VEHICLES
+from cruise.presets import REWARDS, VEHICLES, training_config
 from cruise.racing.track_file import load_track
+from cruise.vehicles import find_vehicle
 
 MAX_EPISODES = 1_000_000
 
@@ -35,6 +39,13 @@ class Train:
     devices: Annotated[int | None, described("N")] = None
     """How many devices (processor cores, GPUs) share the races. By default as many as can share them equally."""
 
+    watch: Watch = field(default_factory=Watch)
+
+    @classmethod
+    def usual(cls, flags: Sequence[str]) -> "Train":
+        """The defaults, which the vehicle that `flags` name decides."""
+        return cls(config=training_config(find_vehicle(named_vehicle(flags)).name))
+
     def run(self) -> int:
         """Train, measure, write the policy."""
         prepare_training()
@@ -53,9 +64,13 @@ class Train:
         track, vehicle = load_track(config.track), VEHICLES[config.vehicle]
         session = Session(folder, config, track, vehicle, resume=bool(self.resume), devices=devices)
         try:
-            with make_screen(Console(), config, session.trainer.total_steps) as screen:
+            with (
+                self.watch.training(session) as offer,
+                make_screen(Console(), config, session.trainer.total_steps) as screen,
+            ):
                 for progress in session:
                     screen.show(progress)
+                    offer(progress)
             policy = finish_run(session, self.episodes)
         except KeyboardInterrupt as stop:
             raise Interrupted(str(stop) or f"interrupted; go on with: {session.resume_command}") from None
@@ -67,7 +82,7 @@ class Train:
     def _config(self) -> TrainConfig:
         if self.reward_preset == "default":
             return self.config
-        if self.config.reward != RewardWeights():
+        if self.config.reward != training_config(self.config.vehicle).reward:
             raise CruiseError(
                 "--reward-preset paper and single reward weights exclude each other: give one or the other"
             )
@@ -76,3 +91,10 @@ class Train:
     def _refuse_flags_with_resume(self) -> None:
         if self.resume and (self.config != TrainConfig() or self.out or self.reward_preset != "default"):
             raise CruiseError("--resume continues a run as it was configured: leave out every flag but --episodes")
+
+
+def named_vehicle(flags: Sequence[str]) -> str:
+    """The last vehicle that `--vehicle NAME` or `--vehicle=NAME` names among the flags, or `paper`."""
+    named = [value for flag, value in pairwise(flags) if flag == "--vehicle"]
+    named += [flag.removeprefix("--vehicle=") for flag in flags if flag.startswith("--vehicle=")]
+    return named[-1] if named else "paper"

@@ -3,7 +3,8 @@
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from cruise.config import Vehicle
+from cruise.config import Tracking, Vehicle
+from cruise.dynamics.tracking import demanded_acceleration, demanded_velocity
 from cruise.dynamics.types import DroneState, Dynamics, Reference
 from cruise.errors import CruiseError
 
@@ -24,6 +25,28 @@ def reference_of(
     if vehicle.control == "velocity":
         return Reference(velocity_w=vehicle.tracking.speed * action)
     return Reference(position_w=state.position_w + vehicle.tracking.reach * action)
+
+
+def action_of(
+    vehicle: Vehicle, state: DroneState, reference: Reference, agility: Array | float
+) -> Float[Array, "3 *B"]:
+    """The action whose reference has the vehicle follow another one: the loops outside of it are run through here."""
+    tracking = vehicle.tracking
+    if vehicle.control == "acceleration":
+        wanted = demanded_acceleration(tracking, state, reference, agility)
+    elif vehicle.control == "velocity":
+        wanted = _velocity(tracking, state, reference) / tracking.speed
+    else:
+        wanted = _velocity(tracking, state, reference) / (tracking.position_gain * tracking.reach)
+    return jnp.clip(wanted, -1.0, 1.0)
+
+
+def _velocity(tracking: Tracking, state: DroneState, reference: Reference) -> Float[Array, "3 *B"]:
+    """The velocity of which the velocity loop makes the acceleration that is wanted [m/s]."""
+    wanted = demanded_velocity(tracking, state, reference)
+    wanted = state.velocity_w if wanted is None else wanted
+    gain = reference.velocity_gain or tracking.velocity_gain
+    return wanted if reference.acceleration_w is None else wanted + reference.acceleration_w / gain
 
 
 def with_control(vehicle: Vehicle, dynamics: Dynamics) -> Dynamics:
@@ -47,9 +70,7 @@ def with_control(vehicle: Vehicle, dynamics: Dynamics) -> Dynamics:
         reference = reference_of(vehicle, state, action, agility)
         return dynamics.step(state, dynamics.track(state, reference, agility), agility, air_w)
 
-    def track(state: DroneState, reference: Reference, agility: Array | float) -> Array:
-        raise CruiseError(
-            f"vehicle {vehicle.name!r} is flown by {vehicle.control}: give its actions the reference itself"
-        )
+    def track(state: DroneState, reference: Reference, agility: Array | float) -> Float[Array, "3 *B"]:
+        return action_of(vehicle, state, reference, agility)
 
     return dynamics._replace(action_size=REFERENCE_SIZE, step=step, track=track, action_frame="world")

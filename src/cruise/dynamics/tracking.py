@@ -17,19 +17,22 @@ EPSILON = 1e-6
 UPSIDE_DOWN = 1e-2  # cosine of half the angle between thrust and force below which one points against the other
 
 
+def demanded_velocity(tracking: Tracking, state: DroneState, reference: Reference) -> Float[Array, "3 *B"] | None:
+    """Give v = v_ref + k_p (p_ref - p), without what the reference lacks; None where it has neither [m/s]."""
+    if reference.position_w is None:
+        return reference.velocity_w
+    approach = (reference.position_gain or tracking.position_gain) * (reference.position_w - state.position_w)
+    return approach if reference.velocity_w is None else reference.velocity_w + approach
+
+
 def demanded_acceleration(
     tracking: Tracking, state: DroneState, reference: Reference, unit: Array | float = 1.0
 ) -> Float[Array, "3 *B"]:
     """Give a = a_ref + k_v (v_ref + k_p (p_ref - p) - v), without what the reference lacks, in `unit` [m/s^2]."""
-    velocity_gain = reference.velocity_gain or tracking.velocity_gain
-    position_gain = reference.position_gain or tracking.position_gain
-    wanted_w = reference.velocity_w
-    if reference.position_w is not None:
-        approach = position_gain * (reference.position_w - state.position_w)
-        wanted_w = approach if wanted_w is None else wanted_w + approach
+    wanted_w = demanded_velocity(tracking, state, reference)
     parts = [] if reference.acceleration_w is None else [reference.acceleration_w / unit]
     if wanted_w is not None:
-        parts.append(velocity_gain / unit * (wanted_w - state.velocity_w))
+        parts.append((reference.velocity_gain or tracking.velocity_gain) / unit * (wanted_w - state.velocity_w))
     return functools.reduce(operator.add, parts) if parts else jnp.zeros_like(state.velocity_w)
 
 

@@ -32,6 +32,7 @@ class RaceEnv(NamedTuple):
 
     num_drones: int
     track: Track
+    vehicle: Vehicle
     course: Course
     dynamics: Dynamics
     reset: Callable[..., RaceState]  # (key, batch=(), gate=None) -> state
@@ -156,6 +157,7 @@ def make_race_env(
     return RaceEnv(
         num_drones=num_drones,
         track=track,
+        vehicle=vehicle,
         course=course,
         dynamics=dynamics,
         reset=reset,

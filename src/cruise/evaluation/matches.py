@@ -15,14 +15,14 @@ from cruise.errors import CruiseError
 from cruise.evaluation.metrics import race_result
 from cruise.evaluation.pilot_choice import PilotChoice, find_pilot, identity
 from cruise.evaluation.summary import Evaluation, summarise
-from cruise.pilots.base import Pilot
+from cruise.pilots.base import Pilot, Versatile
 from cruise.pilots.foreign import DEFAULT_BUDGET
-from cruise.presets import VEHICLES
 from cruise.racing.track_geometry import lap_length
 from cruise.rollout import fly, team_rules
 from cruise.storage.policy_file import read_meta, shipped_name
 from cruise.storage.race_log import RaceLog
 from cruise.storage.recorder import RaceInfo, race_logs
+from cruise.vehicles import find_vehicle
 
 StrPath = str | os.PathLike[str]
 
@@ -30,7 +30,8 @@ TIME_LIMIT = 150.0  # of a race, at least [s]
 SLOWEST = 1.25  # longer races get the time that this mean speed needs [m/s]
 MAX_DRONES = 64
 MAX_LAPS = 100
-DRONES_IN_BATCH = 1024  # flown at once; bounds memory, not the number of races
+DRONES_IN_BATCH = 1024  # flown at once at ten steps a second; bounds memory, not the number of races
+USUAL_VEHICLE = "paper"
 STREAM = 0x5EED  # keeps the starts of races apart from every start seen in training, whatever the seeds
 
 
@@ -45,7 +46,7 @@ class Match:
     @property
     def vehicle(self) -> Vehicle:
         """The one that all pilots were made for."""
-        return VEHICLES[self.team[0].vehicle]
+        return find_vehicle(self.team[0].vehicle)
 
     @property
     def time_limit(self) -> float:
@@ -59,6 +60,7 @@ def make_match(
     pilots: PilotChoice | Sequence[PilotChoice] | None = None,
     laps: int | None = None,
     budget: float = DEFAULT_BUDGET,
+    vehicle: str | None = None,
 ) -> Match:
     """Put a match together.
 
@@ -66,27 +68,42 @@ def make_match(
         track: where.
         drones: how many.
         pilots: one pilot for all drones, or one per drone; fewer than drones are repeated in turn. By default the
-            policy shipped for this track and number of drones.
+            policy shipped for this track, number of drones and vehicle.
         laps: by default the track's.
         budget: time for each action of a pilot in plain Python [s].
+        vehicle: what all of them fly; by default what the pilots were made for.
 
     Raises:
-        CruiseError: a number out of range, more pilots than drones, no such pilot, or pilots of different vehicles.
+        CruiseError: a number out of range, more pilots than drones, no such pilot or vehicle, or pilots of different
+            vehicles.
     """
     laps = track.laps if laps is None else laps
     _in_range("drones", drones, 1, MAX_DRONES)
     _in_range("laps", laps, 1, MAX_LAPS)
     if pilots is None:
-        pilots = shipped_name(track.name, drones)
+        pilots = shipped_name(track.name, drones, vehicle or USUAL_VEHICLE)
     choices: list[Any] = list(pilots) if isinstance(pilots, list | tuple) else [pilots]
     if not 1 <= len(choices) <= drones:
         raise CruiseError(f"{len(choices)} pilots for {drones} drones: give one for all, or at most one per drone")
     found = {identity(choice): find_pilot(choice, budget) for choice in choices}
+    names = {identity(choice) for choice in choices if isinstance(choice, str | os.PathLike)}
+    found = _in_one_vehicle(found, names, vehicle)
     team = tuple(found[identity(choices[drone % len(choices)])] for drone in range(drones))
-    vehicles = {pilot.vehicle for pilot in team}
-    if len(vehicles) > 1:
-        raise CruiseError(f"pilots of different vehicles cannot race each other: {', '.join(sorted(vehicles))}")
     return Match(track, team, laps)
+
+
+def _in_one_vehicle(pilots: dict[Any, Pilot], names: set[Any], vehicle: str | None) -> dict[Any, Pilot]:
+    """The pilots, those that a name was enough for put into the vehicle that is asked for or that the others fly."""
+    free = {key for key, pilot in pilots.items() if key in names and isinstance(pilot, Versatile)}
+    bound = {pilot.vehicle: pilot.name for key, pilot in pilots.items() if key not in free}
+    if vehicle is None and len(bound) > 1:
+        raise CruiseError(f"pilots of different vehicles cannot race each other: {', '.join(sorted(bound))}")
+    chosen = find_vehicle(vehicle or next(iter(bound), USUAL_VEHICLE))
+    for made_for, name in bound.items():
+        if made_for != chosen.name:
+            raise CruiseError(f"pilot {name!r} was made for vehicle {made_for!r}, this race flies {chosen.name!r}")
+    aboard = {key: pilots[key].for_vehicle(chosen) for key in free}  # type: ignore[attr-defined]
+    return pilots | aboard
 
 
 def run_races(match: Match, races: int, seed: int) -> Iterator[RaceLog]:
@@ -98,7 +115,8 @@ def run_races(match: Match, races: int, seed: int) -> Iterator[RaceLog]:
     _in_range("number of races", races, 1, 1_000_000)
     _in_range("seed", seed, 0, 2**32 - 1)
     drones = len(match.team)
-    batch = min(races, max(1, DRONES_IN_BATCH // drones))
+    at_once = DRONES_IN_BATCH * min(1.0, match.vehicle.control_dt / 0.1)
+    batch = min(races, max(1, int(at_once) // drones))
     key = jax.random.fold_in(jax.random.key(seed), STREAM)
     for first in range(0, races, batch):
         logs = _fly_batch(match, jax.random.fold_in(key, first // batch), batch)
@@ -111,7 +129,8 @@ def _fly_batch(match: Match, key: jax.Array, batch: int) -> list[RaceLog]:
     rules = team_rules(team, vehicle.collision_distance, match.laps * len(match.track.gates) + 1, (batch,))
     flight = fly(env, team, rules, key, round(match.time_limit / vehicle.control_dt), (batch,))
     names = tuple(pilot.name for pilot in team)
-    return race_logs(flight, RaceInfo(match.track, match.laps, vehicle.name, vehicle.collision_distance, names))
+    distance, aspect = vehicle.collision_distance, vehicle.collision_aspect
+    return race_logs(flight, RaceInfo(match.track, match.laps, vehicle.name, distance, names, aspect))
 
 
 @functools.lru_cache(maxsize=8)
@@ -132,6 +151,7 @@ def evaluate(
     pilots: PilotChoice | Sequence[PilotChoice] | None = None,
     episodes: int = 100,
     seed: int = 0,
+    vehicle: str | None = None,
 ) -> Evaluation:
     """Measure pilots over races of the track's laps from standing, with true openings and final collisions.
 
@@ -141,11 +161,12 @@ def evaluate(
         pilots: as for `make_match`.
         episodes: number of races, each from a fresh random start.
         seed: of the starts. They differ from those of training for every seed.
+        vehicle: as for `make_match`.
 
     Raises:
         CruiseError: as `make_match` and `run_races`.
     """
-    return evaluate_match(make_match(track, drones, pilots), episodes, seed)
+    return evaluate_match(make_match(track, drones, pilots, vehicle=vehicle), episodes, seed)
 
 
 def evaluate_policy(policy: StrPath, track: Track, episodes: int = 100, seed: int = 0) -> dict[str, Any]:

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from cruise.config import Vehicle
 from cruise.env.race_env import RaceEnv
 from cruise.env.types import RaceState
 
@@ -43,6 +44,15 @@ class Pilot(Protocol):
         self, env: RaceEnv, drones: tuple[int, ...], memory: Memory, state: RaceState, key: Array
     ) -> tuple[Memory, Float[Array, "A n *B"]]:
         """New memory and an action in [-1, 1] for each of the `n = len(drones)` drones it flies."""
+        ...
+
+
+@runtime_checkable
+class Versatile(Protocol):
+    """A pilot that can fly any vehicle."""
+
+    def for_vehicle(self, vehicle: Vehicle) -> Pilot:
+        """The same pilot in another vehicle."""
         ...
 
 

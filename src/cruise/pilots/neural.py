@@ -6,6 +6,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from cruise.config import ObservationKind
+from cruise.env.observation import FOR_ANY_FIELD
 from cruise.env.race_env import RaceEnv
 from cruise.env.types import RaceState
 from cruise.errors import CruiseError
@@ -14,9 +15,9 @@ from cruise.pilots.network import ActorCritic
 
 
 class NeuralPilot(eqx.Module):
-    """Flies by the mean action of an actor network, turned into the world's frame and clipped to [-1, 1].
+    """Flies by the mean action of an actor network, turned into the vehicle's frame and clipped to [-1, 1].
 
-    A policy knows its number of drones, because the size of what it sees depends on it.
+    A policy knows its number of drones, because the size of what it sees depends on it, unless it sees by `body`.
     """
 
     params: ActorCritic
@@ -29,7 +30,7 @@ class NeuralPilot(eqx.Module):
     def init(self, env: RaceEnv, drones: tuple[int, ...], state: RaceState) -> Memory:
         """No memory. Raises CruiseError where the policy does not fit the race."""
         del drones
-        if self.drones != env.num_drones:
+        if self.observation not in FOR_ANY_FIELD and self.drones != env.num_drones:
             raise CruiseError(
                 f"policy {self.name!r} was trained for races of {self.drones} drones, this race has {env.num_drones}"
             )

@@ -1,12 +1,16 @@
-"""Pilots written by hand for the paper's vehicle: references to race against and to test with."""
+"""Pilots written by hand for any vehicle: references to race against and to test with."""
+
+from dataclasses import replace
+from typing import Any, TypeVar
 
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from cruise.config import Vehicle
+from cruise.dynamics import Reference
 from cruise.env.race_env import RaceEnv
 from cruise.env.types import RaceState
-from cruise.errors import CruiseError
 from cruise.pilots.base import Memory, Pilot, rows
 from cruise.racing.course import Course, pick
 from cruise.racing.field import opponent, opponents
@@ -15,16 +19,14 @@ from cruise.vector import norm
 EPSILON = 1e-6
 
 
-def _require_paper_vehicle(name: str, env: RaceEnv) -> None:
-    if env.dynamics.action_size != 3:
-        raise CruiseError(
-            f"pilot {name!r} commands 3 accelerations, this vehicle takes {env.dynamics.action_size} numbers"
-        )
+P = TypeVar("P", bound="Hover | Chaser")
 
 
-def track_velocity(velocity_w: Array, wanted_w: Float[Array, "3 n *B"], gain: float) -> Float[Array, "3 n *B"]:
-    """Action proportional to the error of velocity [m/s], clipped to [-1, 1]; `gain` in [s/m]."""
-    return jnp.clip(gain * (wanted_w - velocity_w), -1.0, 1.0)
+def _aboard(pilot: P, vehicle: Vehicle, **fields: Any) -> P:
+    """The pilot in another vehicle, `fields` being what suits that one; it knows the paper's by heart."""
+    if vehicle.name == pilot.vehicle:
+        return pilot
+    return replace(pilot, vehicle=vehicle.name, agility=vehicle.agility, **fields)
 
 
 class Hover(eqx.Module):
@@ -33,22 +35,26 @@ class Hover(eqx.Module):
     name: str = eqx.field(static=True, default="hover")
     agility: float = eqx.field(static=True, default=7.5)
     vehicle: str = eqx.field(static=True, default="paper")
-    velocity_gain: float = eqx.field(static=True, default=0.5)  # [s/m]
+    velocity_gain: float = eqx.field(static=True, default=3.75)  # [1/s]
     position_gain: float = eqx.field(static=True, default=0.3)  # [1/s]
 
+    def for_vehicle(self, vehicle: Vehicle) -> "Hover":
+        """The same pilot in another vehicle."""
+        return _aboard(self, vehicle, velocity_gain=vehicle.tracking.velocity_gain)
+
     def init(self, env: RaceEnv, drones: tuple[int, ...], state: RaceState) -> Memory:
-        """Where its drones start."""
-        _require_paper_vehicle(self.name, env)
-        return rows(state.drones.position_w, drones, axis=1)
+        """Where all drones start."""
+        del env, drones
+        return state.drones.position_w
 
     def act(
         self, env: RaceEnv, drones: tuple[int, ...], memory: Memory, state: RaceState, key: Array
-    ) -> tuple[Memory, Float[Array, "3 n *B"]]:
+    ) -> tuple[Memory, Float[Array, "A n *B"]]:
         """Towards the start, as fast as it is far."""
-        del env, key
-        offset = memory - rows(state.drones.position_w, drones, axis=1)
-        velocity = rows(state.drones.velocity_w, drones, axis=1)
-        return memory, track_velocity(velocity, self.position_gain * offset, self.velocity_gain)
+        del key
+        wanted = self.position_gain * (memory - state.drones.position_w)
+        reference = Reference(velocity_w=wanted, velocity_gain=self.velocity_gain)
+        return memory, rows(env.dynamics.track(state.drones, reference, self.agility), drones, axis=1)
 
 
 class Chaser(eqx.Module):
@@ -61,28 +67,33 @@ class Chaser(eqx.Module):
     agility: float = eqx.field(static=True, default=7.5)
     vehicle: str = eqx.field(static=True, default="paper")
     speed: float = eqx.field(static=True, default=2.5)  # [m/s]
-    velocity_gain: float = eqx.field(static=True, default=0.8)  # [s/m]
+    velocity_gain: float = eqx.field(static=True, default=6.0)  # [1/s]
     lead: float = eqx.field(static=True, default=0.5)  # aims this share of its distance in front of the gate
     clearance: float = eqx.field(static=True, default=1.5)  # gives way to drones nearer than this [m]
     push: float = eqx.field(static=True, default=2.0)  # reference velocity away from a drone, per metre too near [1/s]
 
+    def for_vehicle(self, vehicle: Vehicle) -> "Chaser":
+        """The same pilot in another vehicle, half as fast as the vehicle's velocity loop is meant for."""
+        tracking = vehicle.tracking
+        return _aboard(self, vehicle, velocity_gain=tracking.velocity_gain, speed=tracking.speed / 2)
+
     def init(self, env: RaceEnv, drones: tuple[int, ...], state: RaceState) -> Memory:
         """No memory."""
-        del drones, state
-        _require_paper_vehicle(self.name, env)
+        del env, drones, state
         return ()
 
     def act(
         self, env: RaceEnv, drones: tuple[int, ...], memory: Memory, state: RaceState, key: Array
-    ) -> tuple[Memory, Float[Array, "3 n *B"]]:
+    ) -> tuple[Memory, Float[Array, "A n *B"]]:
         """Track the velocity that leads through the gate, plus the push away from others."""
         del key
-        position, velocity = state.drones.position_w, state.drones.velocity_w
+        position = state.drones.position_w
         to_aim = aim_point(env.course, state.next_gate, position, self.lead) - position
         wanted = self.speed * to_aim / (norm(to_aim) + EPSILON)
         wanted += push_apart(position, state.airborne, self.clearance, self.push)
         wanted = wanted.at[2].max(FLOOR - position[2])
-        return memory, rows(track_velocity(velocity, wanted, self.velocity_gain), drones, axis=1)
+        reference = Reference(velocity_w=wanted, velocity_gain=self.velocity_gain)
+        return memory, rows(env.dynamics.track(state.drones, reference, self.agility), drones, axis=1)
 
 
 BEHIND = 0.1  # a drone less than this before the gate's plane, and not in line with the opening, flies around [m]

@@ -160,16 +160,25 @@ def list_policies() -> dict[str, PolicyMeta]:
     return dict(sorted(metas.items(), key=lambda item: (item[1].track, item[1].drones, item[0])))
 
 
-def shipped_name(track: str, drones: int) -> str:
-    """Name of the shipped policy of a track. Raises CruiseError, naming those there are, where there is none."""
-    name = f"{track}-{drones}"
+def shipped_name(track: str, drones: int, vehicle: str = "paper") -> str:
+    """Name of the shipped policy of a track and a vehicle: `TRACK-DRONES` for the paper's, `VEHICLE-TRACK` for others.
+
+    Raises:
+        CruiseError: there is none; it names those there are.
+    """
+    name = f"{track}-{drones}" if vehicle == "paper" else f"{vehicle}-{track}"
     if not _with(SHIPPED / name, ".json").is_file():
         names = ", ".join(list_policies()) or "none"
         raise CruiseError(
-            f"no policy is shipped for track {track!r} with {drones} drone{'s' * (drones != 1)}; shipped: {names}; "
+            f"no policy is shipped for {_asked(track, drones, vehicle)}; shipped: {names}; "
             "give others with --policy or --pilot"
         )
     return name
+
+
+def _asked(track: str, drones: int, vehicle: str) -> str:
+    other = "" if vehicle == "paper" else f" and vehicle {vehicle!r}"
+    return f"track {track!r} with {drones} drone{'s' * (drones != 1)}{other}"
 
 
 def _find(name_or_path: StrPath) -> Path:

@@ -67,6 +67,7 @@ class RaceLog:
     laps: int
     control_dt: float  # s between two samples
     collision_distance: float  # m
+    collision_aspect: float = 1.0  # height per width of the ellipsoid in which two drones collide; 1: a sphere
     version: int = FORMAT_VERSION
 
     @property
@@ -102,6 +103,7 @@ def load_race_log(path: Path | str) -> RaceLog:
     arrays = _read(read_bytes(path, "race log"), where)
     if "version" in arrays and arrays["version"].shape == () and arrays["version"] != FORMAT_VERSION:
         raise CruiseError(f"{where}: format version {arrays['version']}, this program reads {FORMAT_VERSION}")
+    arrays = {name: np.asarray(value) for name, value in _SINCE.items()} | arrays
     _check_arrays(arrays, where)
     _check_values(arrays, where)
     scalars = {name: arrays[name].item() for name, (_, axes) in _LAYOUT.items() if axes == ""}
@@ -135,8 +137,10 @@ _LAYOUT: dict[str, tuple[str, str]] = {
     "laps": ("i", ""),
     "control_dt": ("f", ""),
     "collision_distance": ("f", ""),
+    "collision_aspect": ("f", ""),
     "version": ("i", ""),
 }
+_SINCE = {"collision_aspect": 1.0}  # arrays that the first logs did not have, and what held there
 _KINDS = {"f": "floats", "i": "integers", "b": "booleans", "U": "text"}
 
 
@@ -195,6 +199,6 @@ def _check_values(arrays: dict[str, np.ndarray], where: str) -> None:
     times = arrays["event_time"]
     if (np.diff(times) < 0).any() or (len(times) and (times[0] < 0 or times[-1] > arrays["time"][-1] + 1e-6)):
         raise CruiseError(f"{where}: array 'event_time' does not ascend within the race")
-    for name in ("laps", "control_dt", "collision_distance"):
+    for name in ("laps", "control_dt", "collision_distance", "collision_aspect"):
         if arrays[name] <= 0:
             raise CruiseError(f"{where}: {name!r} must be above 0, got {arrays[name]}")

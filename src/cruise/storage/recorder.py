@@ -21,6 +21,7 @@ class RaceInfo(NamedTuple):
     vehicle: str
     collision_distance: float  # [m]
     pilots: Sequence[str]  # names, one per drone
+    collision_aspect: float = 1.0  # height per width of the ellipsoid in which two drones collide
 
 
 class _Events(NamedTuple):
@@ -81,6 +82,7 @@ def _one_log(flight: Flight, info: RaceInfo, events: _Events, race: int) -> Race
         laps=info.laps,
         control_dt=flight.control_dt,
         collision_distance=info.collision_distance,
+        collision_aspect=info.collision_aspect,
     )
 
 
@@ -101,7 +103,7 @@ def _all_events(flight: Flight, info: RaceInfo) -> _Events:
     parts = [
         _at_target(flight, EventKind.CROSSING, crossing.passed),
         _at_target(flight, EventKind.MISSED_GATE, crossing.missed & flight.airborne[:-1]),
-        _between_drones(flight, collisions.drone, info.collision_distance),
+        _between_drones(flight, collisions.drone, info),
         _at_end(flight, EventKind.COLLISION_GROUND, collisions.ground),
         _at_frame(flight, collisions.gate_frame, info.track),
         _at_end(flight, EventKind.COLLISION_BOUNDS, collisions.bounds),
@@ -150,10 +152,11 @@ def _segments(flight: Flight, hits: _Hits) -> tuple[np.ndarray, np.ndarray]:
     return start, end
 
 
-def _between_drones(flight: Flight, flags: Flags, distance: float) -> _Events:
-    """Collisions with the nearest drone of the step, when the two came within `distance` [m]."""
-    hits = _hits(flags)
-    start, end = _segments(flight, hits)
+def _between_drones(flight: Flight, flags: Flags, info: RaceInfo) -> _Events:
+    """Collisions with the nearest drone of the step, when the two came within the collision distance."""
+    hits, distance = _hits(flags), info.collision_distance
+    wide = np.array([1.0, 1.0, 1 / info.collision_aspect])[:, None]
+    start, end = (points * wide for points in _segments(flight, hits))
     row = np.arange(len(hits.step))
     offset = start - start[row, :, hits.drone][:, :, None]
     motion = (end - end[row, :, hits.drone][:, :, None]) - offset

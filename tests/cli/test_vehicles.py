@@ -1,0 +1,40 @@
+"""`--vehicle`: what can be flown, what is refused, and what a vehicle decides about training."""
+
+import pytest
+
+from cruise.cli.main import main
+from cruise.cli.train import Train, named_vehicle
+from cruise.presets import CURRICULA, VEHICLES, training_config
+
+
+def test_vehicles_are_listed_with_their_sources(capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "200")
+    assert main(["vehicles"]) == 0
+    rows = {line.split()[1]: line for line in capsys.readouterr().out.splitlines() if line.startswith("\u2502")}
+    assert list(rows) == list(VEHICLES)
+    assert "3.30" in rows["racer"]
+    assert "Foerster 2015" in rows["crazyflie"]
+
+
+@pytest.mark.parametrize("command", ["race --pilot chaser", "evaluate --pilot chaser", "train"])
+def test_an_unknown_vehicle_is_refused_in_one_line(command, capsys):
+    assert main([*command.split(), "--vehicle", "rcer"]) == 2
+    error = capsys.readouterr().err
+    assert error == "error: unknown vehicle 'rcer': did you mean 'racer'? vehicles: paper, racer, racer-5, crazyflie\n"
+
+
+def test_the_vehicle_decides_the_defaults_of_training(capsys):
+    assert Train.usual([]).config == training_config("paper")
+    assert Train.usual(["--seed", "3", "--vehicle", "racer"]).config == training_config("racer")
+    assert named_vehicle(["--vehicle=crazyflie", "--seed", "1"]) == "crazyflie"
+    assert main(["train", "--vehicle", "racer", "--help"]) == 0
+    assert "(default: body)" in " ".join(capsys.readouterr().out.split())
+
+
+@pytest.mark.parametrize("name", VEHICLES)
+def test_every_vehicle_has_a_curriculum(name):
+    stages = CURRICULA[name]
+    assert len(stages) == 5
+    assert stages[-1].agility == pytest.approx(VEHICLES[name].agility)
+    assert sum(stage.steps for stage in stages) >= 1_000_000
+    assert training_config(name).vehicle == name
