@@ -1,5 +1,6 @@
 # make race     the shipped policies race: result table, race.png, and race.html to watch it in a browser
 # make test     every test
+# make sb3      installs Stable-Baselines3 with PyTorch, trains its PPO on the ring and measures it
 # make policies trains the shipped policies anew, half an hour on 2 cores
 # make check    formatting, lint, types, import layers
 # make viewer   builds the replay page anew from viewer/; needs npm
@@ -14,7 +15,7 @@ INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --co
 WORKERS ?= 2
 
 .DEFAULT_GOAL := help
-.PHONY: help race test check viewer check-viewer policies clean
+.PHONY: help race test check sb3 viewer check-viewer policies clean
 
 help:
 	@sed -n 's/^# \(make .*\)/\1/p' Makefile
@@ -38,6 +39,9 @@ viewer:
 check-viewer:
 	cd viewer && npm ci --silent && npm run --silent check
 
+sb3: $(VENV)/.installed-sb3
+	@$(BIN)/python examples/train_sb3.py
+
 CELLS := ring-2 ring-3 ring-4 figure-eight-2 figure-eight-3 figure-eight-4
 
 policies: $(VENV)/.installed $(CELLS:%=runs/%/policy.json)
@@ -59,6 +63,11 @@ $(VENV)/.made:
 $(VENV)/.installed: $(VENV)/.made pyproject.toml constraints.txt
 	@echo "Installing CRUISE into $(VENV): a minute or two, once."
 	@$(INSTALL) .
+	@touch $@
+
+$(VENV)/.installed-sb3: $(VENV)/.installed
+	@echo "Installing Stable-Baselines3 and PyTorch into $(VENV): some minutes, once."
+	@$(INSTALL) '.[gym]' 'stable-baselines3==2.9.2' 'torch==2.13.0'
 	@touch $@
 
 $(VENV)/.installed-dev: $(VENV)/.made pyproject.toml constraints.txt
