@@ -68,6 +68,17 @@ def test_action_is_the_clipped_network_in_the_world(observation):
         np.testing.assert_allclose(action[:, drone, race], np.clip(spoken, -1, 1), atol=1e-4)
 
 
+def test_a_policy_on_the_body_observation_flies_in_any_field():
+    params = loud_params(drones=2, observation="body")
+    pilot = NeuralPilot(params, "body", 2, 7.5, "test")
+    for drones in (1, 2, 5):
+        env = make_env(drones)
+        assert pilot.init(env, tuple(range(drones)), standing(env)) == ()
+        state = jax.eval_shape(env.reset, KEY)
+        _, action = jax.eval_shape(lambda s, env=env: pilot.act(env, (0,), (), s, KEY), state)
+        assert action.shape == (3, 1)
+
+
 def test_flies_the_drones_it_is_given():
     env = make_env(3)
     state = reset(env, 4)

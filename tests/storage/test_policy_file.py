@@ -52,6 +52,10 @@ def test_shipped_ones_are_found_by_name(tmp_path, monkeypatch):
         shipped_name("ring", 5)
     with pytest.raises(CruiseError, match="did you mean 'ring-2'"):
         load_policy("ring2")
+    with pytest.raises(CruiseError, match="'ring' with 2 drones and vehicle 'racer'; shipped"):
+        shipped_name("ring", 2, "racer")
+    write_policy(tmp_path / "racer-ring", vehicle="racer")
+    assert shipped_name("ring", 2, "racer") == shipped_name("ring", 7, "racer") == "racer-ring"
 
 
 def test_what_is_shipped_is_sound():

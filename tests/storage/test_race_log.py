@@ -43,6 +43,12 @@ def test_anyone_can_read_it_and_the_bytes_depend_on_the_race_alone(tmp_path):
     assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
 
 
+def test_logs_of_before_there_were_ellipsoids_are_read(tmp_path):
+    old = {name: value for name, value in arrays_of(small_log()).items() if name != "collision_aspect"}
+    np.savez(tmp_path / "race.npz", **old)
+    assert load_race_log(tmp_path / "race.npz").collision_aspect == 1.0
+
+
 def test_no_events_is_a_race_too(tmp_path):
     log = small_log(
         **{name: getattr(small_log(), name)[:0] for name in vars(small_log()) if re.match("event_[^k]", name)}
