@@ -215,7 +215,7 @@ BAD = {
     "ragged": (lambda view: [[0.0], [1.0, 2.0]], "gave list [[0.0], [1.0, 2.0]], expected"),
     "an exception": (FailsLater, "drone 1, 0.20 s into the race: raised KeyError: 'no such\\n gate' ("),
     "where it was raised": (FailsLater, "test_foreign.py, line "),
-    "slow": (Sleeps, "within its budget of 20 ms; give it more with --budget-ms"),
+    "slow": (Sleeps, "its budget of 20 ms; give it more with --budget-ms, or make it faster"),
     "endless": (Endless, "was not done within its budget of 20 ms"),
     "too few rows": (Batch(lambda view: np.zeros((1, 3))), "gave an array of shape [1, 3], expected shape [6, 3]"),
     "nan in a row": (Batch(one_nan), f"drone 3, 0.00 s into the race: gave [0.0, nan, 0.0], {WANTED}"),

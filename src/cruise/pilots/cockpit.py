@@ -149,8 +149,8 @@ class Cockpit:
 
 
 def _too_slow(budget: float, took: float | None = None) -> str:
-    needed = "was not done" if took is None else f"took {1e3 * took:.0f} ms"
-    return f"{needed} within its budget of {1e3 * budget:.0f} ms; give it more with --budget-ms, or make it faster"
+    needed = "was not done within" if took is None else f"took {1e3 * took:.3g} ms, more than"
+    return f"{needed} its budget of {1e3 * budget:.3g} ms; give it more with --budget-ms, or make it faster"
 
 
 def _short(value: Any) -> str:
