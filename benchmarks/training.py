@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import jax
-import jax.numpy as jnp
+import numpy as np
 
 from cruise.config import PPOConfig, TrainConfig
 from cruise.env.race_env import RaceEnv
@@ -24,7 +24,7 @@ class TrainingCase:
         self.work = float(self.trainer.steps_per_update)
         self.state: TrainState = self.trainer.initial_state()
         phase = self.trainer.phases[-1]
-        self.rules, self.alone = self.trainer.rules_of(phase), jnp.asarray(phase.alone)
+        self.rules, self.alone = self.trainer.rules_of(phase), np.asarray(phase.alone)
         self()
 
     def __call__(self) -> None:

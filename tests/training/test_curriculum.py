@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -127,7 +126,7 @@ def test_weights_are_carried_over_between_stages():
     for k in ends:
         before, after = run[k], run[k + 1]
         assert after.phase.number == before.phase.number + 1
-        state, _ = trainer.update(before.state, trainer.rules_of(after.phase), jnp.asarray(after.phase.alone))
+        state, _ = trainer.update(before.state, trainer.rules_of(after.phase), np.asarray(after.phase.alone))
         assert bits(state.model) == bits(after.state.model)
         assert bits(state.optimiser) == bits(after.state.optimiser)
         assert bits(state.model) != bits(before.state.model)
@@ -141,10 +140,9 @@ def test_nothing_is_ever_compiled_twice(tmp_path):
     read, _ = load_checkpoint(tmp_path, trainer.state_shape())
     for phase in trainer.phases:
         for start in (trainer.initial_state(), state, trainer.place(read), replace_opponents(state), play_on(state)):
-            after, _ = trainer.update(start, trainer.rules_of(phase), jnp.asarray(True))
-            trainer.evaluate(
-                after.model, after.opponents.newest, trainer.rules_of(phase), jnp.asarray(False), jax.random.key(0)
-            )
+            rules, origin = trainer.rules_of(phase), np.array([0, 1], np.uint32)
+            after, _ = trainer.update(start, rules, np.asarray(True))
+            trainer.evaluate(after.model, after.opponents.newest, rules, np.asarray(False), origin)
     assert trainer.update._cache_size() == 1
     assert trainer.evaluate._cache_size() == 1
     assert trainer.start._cache_size() == 1

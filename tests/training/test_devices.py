@@ -24,7 +24,7 @@ def crashing(trainer: Trainer) -> TrainState:
 def after_updates(trainer: Trainer) -> tuple[TrainState, dict[str, float]]:
     state = crashing(trainer)
     for _ in range(UPDATES):
-        state, metrics = trainer.update(state, last_rules(), jnp.asarray(False))
+        state, metrics = trainer.update(state, last_rules(), np.asarray(False))
     return state, {name: float(value) for name, value in metrics.items()}
 
 
@@ -48,7 +48,7 @@ def test_a_state_goes_on_on_another_number_of_devices():
     state = jax.tree.map(np.asarray, crashing(tiny_trainer())._replace(key=None))
     state = state._replace(key=jax.random.key(3))
     after, expected = (
-        trainer.update(trainer.place(state), last_rules(), jnp.asarray(False))[0] for trainer in (two, tiny_trainer())
+        trainer.update(trainer.place(state), last_rules(), np.asarray(False))[0] for trainer in (two, tiny_trainer())
     )
     for a, b in zip(jax.tree.leaves(expected.model), jax.tree.leaves(after.model), strict=True):
         np.testing.assert_allclose(b, a, atol=1e-4)

@@ -132,10 +132,11 @@ def fly_evaluation(model: ActorCritic, opponents: ActorCritic, alone: bool, key:
 
 @pytest.mark.parametrize("case", ["equal", "faster", "slower", "alone"])
 def test_evaluation_is_the_race_flown_step_by_step(case):
-    trainer, key = tiny_trainer(), jax.random.key(11)
+    trainer, origin = tiny_trainer(), np.array([10, 7], np.uint32)
+    key = jax.random.fold_in(jax.random.key(11), 7)
     mine, theirs = {"equal": (0.6, 0.6), "faster": (1.0, 0.12), "slower": (0.12, 1.0), "alone": (0.6, 1.0)}[case]
     model, opponents = pilot(mine, 0.05), pilot(theirs)
-    found = trainer.evaluate(model, opponents, last_rules(), jnp.asarray(case == "alone"), key)
+    found = trainer.evaluate(model, opponents, last_rules(), np.asarray(case == "alone"), origin)
     expected = fly_evaluation(model, opponents, case == "alone", key)
     np.testing.assert_allclose(found[:3], expected[:3], atol=1e-4)
     assert np.isnan(found.lap_time)  # nobody flies a lap in 3 s
@@ -165,9 +166,9 @@ def test_evaluations_of_a_run_are_against_the_newest_opponents():
     for before, now in itertools.pairwise(run):
         if now.score is None or now.opponents_replaced:
             continue
-        key = jax.random.fold_in(jax.random.key(TINY.seed + 1), now.state.updates)
+        origin = np.array([TINY.seed, now.state.updates], np.uint32)
         opponents = before.state.opponents.newest
-        again = trainer.evaluate(now.state.model, opponents, trainer.rules_of(now.phase), jnp.asarray(False), key)
+        again = trainer.evaluate(now.state.model, opponents, trainer.rules_of(now.phase), np.asarray(False), origin)
         np.testing.assert_array_equal(now.score, [float(x) for x in again])
         checked += 1
     assert checked

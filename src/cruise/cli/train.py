@@ -38,6 +38,10 @@ class Train:
     """Races in which the finished policy is measured."""
     devices: Annotated[int | None, described("N")] = None
     """How many devices (processor cores, GPUs) share the races. By default as many as can share them equally."""
+    coordinator: Annotated[str | None, described("HOST:PORT")] = None
+    """Train in several processes, on one machine or many, that meet here: at the first of them."""
+    process: Annotated[str | None, described("I/N")] = None
+    """With --coordinator: the number of this process, from 0, and how many there are."""
 
     watch: Watch = field(default_factory=Watch)
 
@@ -49,8 +53,11 @@ class Train:
     def run(self) -> int:
         """Train, measure, write the policy."""
         prepare_training()
-        from cruise.api_training import CURVES, finish_run  # noqa: PLC0415  (imports JAX, as the next three do)
+        if self.coordinator or self.process:
+            self._join()
+        from cruise.api_training import CURVES, finish_run  # noqa: PLC0415  (imports JAX, as the next four do)
         from cruise.training.devices import choose_devices  # noqa: PLC0415
+        from cruise.training.hosts import is_first  # noqa: PLC0415
         from cruise.training.session import Interrupted, Session, default_folder, resume_config  # noqa: PLC0415
         from cruise.training.validation import check_config  # noqa: PLC0415
 
@@ -66,11 +73,13 @@ class Train:
         try:
             with (
                 self.watch.training(session) as offer,
-                make_screen(Console(), config, session.trainer.total_steps) as screen,
+                make_screen(Console(quiet=not is_first()), config, session.trainer.total_steps) as screen,
             ):
                 for progress in session:
                     screen.show(progress)
                     offer(progress)
+            if not is_first():
+                return 0
             policy = finish_run(session, self.episodes)
         except KeyboardInterrupt as stop:
             raise Interrupted(str(stop) or f"interrupted; go on with: {session.resume_command}") from None
@@ -78,6 +87,14 @@ class Train:
         print(f"policy   {policy}\ncurves   {folder / CURVES}")
         print(f"measure  cruise evaluate {where} --policy {policy}\nrace     cruise race {where} --policy {policy}")
         return 0
+
+    def _join(self) -> None:
+        """Meet the other processes of this run."""
+        from cruise.training.hosts import join  # noqa: PLC0415  (imports JAX)
+
+        if not (self.coordinator and self.process):
+            raise CruiseError("--coordinator HOST:PORT and --process I/N go together")
+        join(self.coordinator, self.process)
 
     def _config(self) -> TrainConfig:
         if self.reward_preset == "default":

@@ -44,6 +44,10 @@ def choose_devices(races: int, count: int | None = None) -> list[jax.Device]:
         CruiseError: there are not so many, or they cannot share the races equally.
     """
     devices = jax.devices()
+    if jax.process_count() > 1:
+        count = len(devices) if count is None else count
+        if count != len(devices):
+            raise CruiseError(f"several processes train on all of their {len(devices)} devices: leave out --devices")
     if count is not None:
         if not 1 <= count <= len(devices):
             raise CruiseError(f"devices must be from 1 to {len(devices)}, which JAX finds here, got {count}")

@@ -23,6 +23,7 @@ from cruise.storage.atomic import write_atomically
 from cruise.storage.checkpoint import CURRENT, load_checkpoint, save_checkpoint
 from cruise.storage.config_file import load_config, save_config
 from cruise.storage.policy_file import PolicyMeta, save_policy
+from cruise.training import hosts
 from cruise.training.curriculum import Phase
 from cruise.training.trainer import Progress, Trainer, TrainingDiverged
 from cruise.training.types import TrainState
@@ -144,21 +145,28 @@ class Session:
         self.folder, self.config, self.track = folder, config, track
         self.trainer = Trainer(config, track, vehicle, devices)
         self.seconds_before = 0.0
-        if resume:
-            self.state, meta = load_checkpoint(folder, self.trainer.state_shape())
+        self.state = self._resume() if resume else self._begin()
+
+    def _resume(self) -> TrainState:
+        """The newest checkpoint, which the first process alone needs to have."""
+        shape, state = self.trainer.state_shape(), None
+        if hosts.is_first():
+            state, meta = load_checkpoint(self.folder, shape)
             self.seconds_before = float(meta["seconds"])
-        else:
-            self.state = self._begin()
+        return hosts.from_first(state, shape)
 
     def _begin(self) -> TrainState:
         """A new run on disk. The configuration comes last: where there is one, there is a checkpoint to go on from."""
-        if os.path.exists(self.folder / CONFIG):  # Path.exists raises where a folder may not be entered
+        if hosts.is_first() and os.path.exists(
+            self.folder / CONFIG
+        ):  # Path.exists raises where a folder may not be entered
             raise CruiseError(
                 f"{self.folder} holds a run already: go on with {self.resume_command}, or choose another --out"
             )
         state = self.trainer.initial_state()
-        save_checkpoint(self.folder, state, {"seconds": 0.0, "steps": 0, "version": __version__})
-        save_config(self.folder / CONFIG, self.config)
+        self._write_checkpoint(state, 0.0, 0)
+        if hosts.is_first():
+            save_config(self.folder / CONFIG, self.config)
         return state
 
     @property
@@ -174,34 +182,45 @@ class Session:
             TrainingDiverged: a loss or a parameter stopped being finite; the last checkpoint is good.
         """
         started = saved = time.monotonic()
-        log = MetricsLog(self.folder, int(self.state.updates))
+        log = MetricsLog(self.folder, int(self.state.updates)) if hosts.is_first() else None
         try:
             with _StopRequest() as stop:
                 for progress in self.trainer.run(self.state):
                     self.state = progress.state
                     seconds = self.seconds_before + time.monotonic() - started
-                    log.add(metrics_row(progress, seconds))
+                    if log:
+                        log.add(metrics_row(progress, seconds))
                     due = time.monotonic() - saved >= self.config.checkpoint_seconds
-                    if progress.phase_ended or due:
-                        log.flush()
+                    if progress.phase_ended or hosts.agreed(due):
+                        if log:
+                            log.flush()
                         self._save(progress, seconds)
                         saved = time.monotonic()
                     yield progress
-                    if stop.asked:  # looked at last: it may have come while the caller showed the update
+                    if hosts.agreed(stop.asked):  # looked at last: it may have come while the caller showed the update
                         self._save(progress, seconds)
                         raise Interrupted(f"stopped after {progress.steps:,} steps; go on with: {self.resume_command}")
         except TrainingDiverged as error:
             raise TrainingDiverged(f"{error}; the last good checkpoint is {self.folder / CURRENT}") from None
+        except jax.errors.JaxRuntimeError as error:
+            if jax.process_count() == 1:
+                raise
+            reason = str(error).splitlines()[0]
+            raise CruiseError(f"a process of this run was lost ({reason}); go on with: {self.resume_command}") from None
         finally:
-            log.close()
+            if log:
+                log.close()
 
     def _save(self, progress: Progress, seconds: float) -> None:
-        if progress.phase_ended:
+        if progress.phase_ended and hosts.is_first():
             number = self.trainer.phases.index(progress.phase) + 1
             self._write_policy(f"stage-{number}", progress.phase, {})
-        save_checkpoint(
-            self.folder, progress.state, {"seconds": seconds, "steps": progress.steps, "version": __version__}
-        )
+        self._write_checkpoint(progress.state, seconds, progress.steps)
+
+    def _write_checkpoint(self, state: TrainState, seconds: float, steps: int) -> None:
+        state = hosts.whole(state)  # all processes must take part
+        if hosts.is_first():
+            save_checkpoint(self.folder, state, {"seconds": seconds, "steps": steps, "version": __version__})
 
     def finish(self, measure: Callable[[Path], dict[str, Any]]) -> Path:
         """Write the finished policy, then again with the results that `measure` finds for it; returns its path."""

@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.sharding import NamedSharding, PartitionSpec
-from jaxtyping import Array
+from jaxtyping import Array, UInt32
 
 from cruise.config import Track, TrainConfig, Vehicle
 from cruise.env.race_env import RaceEnv, make_race_env
@@ -71,7 +71,7 @@ class Trainer:
         self.update = jax.jit(
             self._make_update(), in_shardings=(placed, everywhere, everywhere), out_shardings=(placed, everywhere)
         )
-        self.evaluate = jax.jit(make_evaluate(self.env, config.opponents), in_shardings=everywhere)
+        self.evaluate = jax.jit(self._make_evaluate(), in_shardings=everywhere)
         self.start = jax.jit(self._start, out_shardings=placed)
 
     def _make_update(self) -> Callable[[TrainState, Rules, Array], tuple[TrainState, dict[str, Array]]]:
@@ -104,6 +104,18 @@ class Trainer:
             return state, metrics
 
         return update
+
+    def _make_evaluate(self) -> Callable[..., Score]:
+        evaluate = make_evaluate(self.env, self.config.opponents)
+
+        def evaluate_update(
+            model: ActorCritic, opponents: ActorCritic, rules: Rules, alone: Array, origin: UInt32[Array, "2"]
+        ) -> Score:
+            """`origin`: the seed and the number of the update that is evaluated."""
+            seed, update = origin
+            return evaluate(model, opponents, rules, alone, jax.random.fold_in(jax.random.key(seed + 1), update))
+
+        return evaluate_update
 
     def _start(self, key: Array) -> TrainState:
         """A fresh state: opponents equal to the active policy, episodes of random ages, which never end together."""
@@ -138,8 +150,8 @@ class Trainer:
         return next(phase for phase in self.phases if update < phase.last_update)
 
     def rules_of(self, phase: Phase) -> Rules:
-        """The traced rules of a phase."""
-        return jax.tree.map(jnp.asarray, stage_rules(phase.stage, self.config.collision_distance))
+        """The traced rules of a phase, in memory of the host, whence they reach every device."""
+        return jax.tree.map(_on_host, stage_rules(phase.stage, self.config.collision_distance))
 
     def run(self, state: TrainState) -> Iterator[Progress]:
         """Train from `state` to the end, yielding after every update.
@@ -152,7 +164,7 @@ class Trainer:
         done = int(state.updates)
         while done < self.total_updates:
             phase = self.phase_of(done)
-            rules, alone = self.rules_of(phase), jnp.asarray(phase.alone)
+            rules, alone = self.rules_of(phase), np.asarray(phase.alone)
             state, metrics = self.update(state, rules, alone)
             done += 1
             steps = done * self.steps_per_update
@@ -168,16 +180,20 @@ class Trainer:
         return (done * self.steps_per_update) // every > ((done - 1) * self.steps_per_update) // every
 
     def _evaluate_and_replace(
-        self, state: TrainState, phase: Phase, rules: Rules, alone: Array
+        self, state: TrainState, phase: Phase, rules: Rules, alone: np.ndarray | Array
     ) -> tuple[Score, TrainState, bool]:
-        key = jax.random.fold_in(jax.random.key(self.config.seed + 1), int(state.updates))
-        score = self.evaluate(state.model, state.opponents.newest, rules, alone, key)
+        origin = np.array([self.config.seed, int(state.updates)], np.uint32)
+        score = self.evaluate(state.model, state.opponents.newest, rules, alone, origin)
         score = Score(*(float(x) for x in score))
         if not phase.self_play:
             return score, state, False
         if has_mastered(state, score, self.config.opponents) and may_replace(state):
             return score, replace_opponents(state), True
         return score, play_on(state), False
+
+
+def _on_host(number: float | int | bool) -> np.ndarray:
+    return np.asarray(number, jnp.result_type(type(number)))
 
 
 def _check_finite(metrics: dict[str, Array], steps: int) -> None:
