@@ -91,6 +91,7 @@ export class App {
   }
 
   seek(t) {
+    if (!this.race) return;
     this.playing = false;
     this.#setTime(t);
     this.#changed();
@@ -98,6 +99,7 @@ export class App {
 
   /** A sample on or back. */
   step(by) {
+    if (!this.race) return;
     const period = this.race.sample_period;
     this.seek((Math.round(this.time / period) + by) * period);
   }

@@ -1,18 +1,20 @@
 // Races that arrive while the page is open, by server-sent events.
 
 const KEPT = 30; // races
+const WAITING = "Waiting for the first race";
 
 export class Live {
   /** @param app  @param stream address of the events */
   constructor(app, stream, badge) {
     this.app = app;
     this.badge = badge;
-    this.say("connecting", "Waiting for the first race");
+    this.say("connecting", "Connecting");
+    app.element("empty").textContent = WAITING;
     this.source = new EventSource(stream);
     this.source.addEventListener("open", () =>
       this.say("live", app.races.length ? "Live" : "Waiting for the first race"),
     );
-    this.source.addEventListener("error", () => this.say("lost", "Connection lost, trying again"));
+    this.source.addEventListener("error", () => this.say("lost", "Connection lost"));
     this.source.addEventListener("race", (event) => this.#take(JSON.parse(event.data)));
     this.source.addEventListener("status", (event) => this.#status(JSON.parse(event.data)));
     this.source.addEventListener("end", (event) => this.#end(JSON.parse(event.data)));

@@ -95,10 +95,10 @@ def numbered(path: Path | None, count: int) -> list[Path]:
     return [path] if count == 1 else [path.with_stem(f"{path.stem}-{k}") for k in range(1, count + 1)]
 
 
-def show(page: Path) -> None:
-    """Open a page in the browser; where there is no display, leave it at having named it."""
+def show(page: Path | str) -> None:
+    """Open a page, a file or an address, in the browser; where there is no display, leave it at having named it."""
     if has_display():
-        webbrowser.open(page.resolve().as_uri())
+        webbrowser.open(page if isinstance(page, str) else page.resolve().as_uri())
 
 
 def has_display() -> bool:

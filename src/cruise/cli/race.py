@@ -1,6 +1,9 @@
 """`cruise race`: races, their result, a picture, a replay and a log."""
 
+import contextlib
+import itertools
 import math
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated
@@ -11,13 +14,17 @@ from rich.table import Column, Table
 
 from cruise.cli.compilation import use_compilation_cache
 from cruise.cli.line_up import LineUp, described
-from cruise.cli.outputs import Outputs
+from cruise.cli.outputs import Outputs, show
+from cruise.cli.watch import Watch
 from cruise.errors import CruiseError
 
 if TYPE_CHECKING:
+    from cruise.evaluation.matches import Match
     from cruise.evaluation.metrics import RaceResult
     from cruise.storage.race_log import RaceLog
+    from cruise.viewer.broadcast import Broadcast
 
+PAUSE = 2.0  # between two races of a live view [s]
 MAX_RACES = 1000
 
 
@@ -30,25 +37,63 @@ class Race:
     """Laps to fly. By default the track's."""
     seed: int = 0
     """Of the random start."""
-    races: int = 1
-    """How many races, each from a random start of its own; the replay steps through them."""
+    races: Annotated[int | None, described("N")] = None
+    """How many races, each from a random start of its own; the replay steps through them. By default 1, or with --watch
+    one after the other until Ctrl-C."""
     outputs: Outputs = field(default_factory=Outputs)
+    watch: Watch = field(default_factory=Watch)
 
     def run(self) -> int:
         """Fly the races, print the result, write what shows them."""
         self.outputs.check()
+        races = self._count()
         use_compilation_cache()
+        if self.watch.watch:
+            return self._show_live()
         from cruise.evaluation.matches import run_races  # noqa: PLC0415  (imports JAX)
         from cruise.evaluation.metrics import race_result  # noqa: PLC0415
 
-        if not 1 <= self.races <= MAX_RACES:
-            raise CruiseError(f"--races must be from 1 to {MAX_RACES}, got {self.races}")
-        logs = list(run_races(self.line_up.match(self.laps), self.races, self.seed))
+        logs = list(run_races(self.line_up.match(self.laps), races, self.seed))
         results = [race_result(log) for log in logs]
         products = self.outputs.write(logs, race_labels(self.seed, len(logs)))
         Console().print(result_table(logs[0], results[0]) if len(logs) == 1 else races_table(logs[0], results))
         self.outputs.tell(products)
         return 0
+
+    def _count(self) -> int:
+        if self.races is not None and not 1 <= self.races <= MAX_RACES:
+            raise CruiseError(f"--races must be from 1 to {MAX_RACES}, got {self.races}")
+        return self.races or 1
+
+    def _show_live(self) -> int:
+        """Fly race after race for those who watch, and write nothing."""
+        if self.outputs.log is not None:
+            raise CruiseError("--watch shows races and writes nothing: leave out --log")
+        match = self.line_up.match(self.laps)
+        title = f"{match.track.name}, {len(match.team)} drones"
+        with self.watch.server(title) as server:
+            if self.outputs.open:
+                show(server.address)
+            print("Ctrl-C ends it", flush=True)
+            with contextlib.suppress(KeyboardInterrupt):
+                show_races(server.broadcast, match, self.seed, self.races)
+        return 0
+
+
+def show_races(broadcast: "Broadcast", match: "Match", seed: int, races: int | None) -> None:
+    """Publish a race when the one before has been seen, from seed to seed; after so many wait for Ctrl-C."""
+    from cruise.evaluation.matches import run_races  # noqa: PLC0415
+    from cruise.viewer.packing import pack_race  # noqa: PLC0415
+
+    for number in itertools.count():
+        if races is None or number < races:
+            log = next(run_races(match, 1, seed + number))
+            race = pack_race(log, f"seed {seed + number}")
+            broadcast.publish("race", race)
+            print(f"{race['label']}: {race['outcome']}", flush=True)
+        time.sleep(race["duration"] + PAUSE)
+        while not broadcast.wait_for_listener(1.0):
+            pass
 
 
 def race_labels(seed: int, races: int) -> list[str]:

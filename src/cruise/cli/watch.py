@@ -1,0 +1,46 @@
+"""The live view of `cruise race` and `cruise train`."""
+
+import contextlib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from cruise.training.session import Session
+    from cruise.training.trainer import Progress
+    from cruise.viewer.live_server import LiveServer
+
+
+@dataclass(frozen=True)
+class Watch:
+    """Serve a live page."""
+
+    watch: bool = False
+    """Serve a page that shows races as they are flown, on this machine alone. Its address is printed."""
+    port: int = 0
+    """Of that page; by default a free one."""
+
+    def server(self, title: str) -> "LiveServer":
+        """A server whose address has been printed."""
+        from cruise.viewer.live_server import LiveServer  # noqa: PLC0415
+
+        server = LiveServer(title, self.port)
+        print(f"watch    {server.address}", flush=True)
+        return server
+
+    @contextlib.contextmanager
+    def training(self, session: "Session") -> Iterator[Callable[["Progress"], None]]:
+        """What to call after every update of a run, so that those who watch see the policy race."""
+        if not self.watch:
+            yield lambda progress: None
+            return
+        from cruise.presets import VEHICLES  # noqa: PLC0415
+        from cruise.viewer.training_races import TrainingRaces  # noqa: PLC0415  (imports JAX)
+
+        config, track = session.config, session.track
+        with self.server(f"{track.name}, training") as server:
+            races = TrainingRaces(server.broadcast, config, track, VEHICLES[config.vehicle])
+            try:
+                yield races.offer
+            finally:
+                races.close()

@@ -1,0 +1,122 @@
+"""Races of the policy that is being trained, flown beside the training for those who watch."""
+
+import queue
+import threading
+import time
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from cruise.config import Track, TrainConfig, Vehicle
+from cruise.env.race_env import make_race_env
+from cruise.env.types import race_rules
+from cruise.pilots.network import ActorCritic
+from cruise.pilots.neural import NeuralPilot
+from cruise.rollout import fly
+from cruise.storage.race_log import RaceLog
+from cruise.storage.recorder import RaceInfo, race_logs
+from cruise.training.trainer import Progress
+from cruise.viewer.broadcast import Broadcast
+from cruise.viewer.packing import pack_race
+
+PAUSE = 5.0  # between two races, at least [s]
+SHARE = 0.02  # of the time that races may take at most
+LAPS = 1
+TIME_LIMIT = 40.0  # of a race [s]
+LOOK = 0.5  # how often to look whether somebody watches [s]
+
+
+class _Offer(NamedTuple):
+    """What a race needs of the training."""
+
+    model: ActorCritic  # on the host
+    agility: float
+    label: str
+    status: str
+    number: int  # of the update
+
+
+class TrainingRaces:
+    """Flies a race of the current policy now and then, in a thread of its own, and publishes it.
+
+    Nothing is flown while nobody listens. A race is asked for, taken from the next update, and flown while the training
+    goes on; the pause after it is so long that races take at most `SHARE` of the time. All races share one compiled
+    program, whatever the stage.
+    """
+
+    def __init__(self, broadcast: Broadcast, config: TrainConfig, track: Track, vehicle: Vehicle) -> None:
+        """Start to wait for listeners."""
+        self.broadcast, self.config, self.track, self.vehicle = broadcast, config, track, vehicle
+        self.env = make_race_env(track, config.drones, vehicle, config.observation, config.reward)
+        self._asked, self._stopped = threading.Event(), threading.Event()
+        self._offers: queue.SimpleQueue[_Offer | None] = queue.SimpleQueue()
+        self._thread = threading.Thread(target=self._work, name="races to watch", daemon=True)
+        self._thread.start()
+
+    def offer(self, progress: Progress) -> None:
+        """Take notice of an update: nearly always nothing but a look at a flag."""
+        if not self._asked.is_set():
+            return
+        self._asked.clear()
+        phase, steps = progress.phase, progress.steps
+        self._offers.put(
+            _Offer(
+                model=jax.tree.map(np.asarray, progress.state.model),
+                agility=phase.stage.agility,
+                label=f"stage {phase.number}, {steps / 1e6:.2f} M steps",
+                status=f"training: stage {phase.number} {phase.stage.name}, {steps / 1e6:.2f} M steps",
+                number=int(progress.state.updates),
+            )
+        )
+
+    def close(self) -> None:
+        """Fly no more."""
+        self._stopped.set()
+        self._offers.put(None)
+        self._thread.join()
+
+    def _work(self) -> None:
+        try:
+            self._fly_races()
+        except Exception as error:  # whatever happens here, the training goes on
+            self.broadcast.publish("status", {"text": f"The live view has failed: {error}"})
+
+    def _fly_races(self) -> None:
+        compiled = False
+        while not self._stopped.is_set():
+            if not self.broadcast.wait_for_listener(LOOK):
+                continue
+            self._asked.set()
+            offer = self._offers.get()
+            if offer is None:
+                return
+            started = time.monotonic()
+            self._publish(offer)
+            spent = time.monotonic() - started
+            self._stopped.wait(max(PAUSE, spent / SHARE) if compiled else PAUSE)
+            compiled = True
+
+    def _publish(self, offer: _Offer) -> None:
+        race = pack_race(self.fly(offer.model, offer.agility, offer.number), offer.label)
+        self.broadcast.publish("race", race)
+        self.broadcast.publish("status", {"text": offer.status})
+
+    def fly(self, model: ActorCritic, agility: float, seed: int) -> RaceLog:
+        """One race of a model against itself, from a random start, under the rules of a real race."""
+        pilot = NeuralPilot(
+            params=jax.tree.map(jnp.asarray, model),
+            observation=self.config.observation,
+            drones=self.config.drones,
+            agility=1.0,  # static; the rules carry the stage's
+            name="policy",
+            vehicle=self.vehicle.name,
+        )
+        distance = self.vehicle.collision_distance
+        rules: Any = race_rules(jnp.float32(agility), distance, LAPS * len(self.track.gates) + 1)
+        rules = jax.tree.map(jnp.asarray, rules)
+        steps = round(TIME_LIMIT / self.env.dynamics.control_dt)
+        flight = fly(self.env, (pilot,) * self.config.drones, rules, jax.random.key(seed), steps, (1,))
+        names = (pilot.name,) * self.config.drones
+        return race_logs(flight, RaceInfo(self.track, LAPS, self.vehicle.name, distance, names))[0]
