@@ -1,5 +1,7 @@
 """Results that nobody measured, for tests of what is done with results."""
 
+import dataclasses
+
 import numpy as np
 
 from cruise.presets import CURRICULUM, TRACKS
@@ -7,6 +9,7 @@ from cruise.reproduction.evidence import track_length
 from cruise.reproduction.learned import Cell
 from cruise.reproduction.plan import DUEL, ENTRANTS, Job, Scale, config_of, make_plan
 from cruise.reproduction.results import FORMAT, Curve, HeadToHead, Measured, Meeting, Origin, ResultFolder, StageResult
+from cruise.reproduction.work import settings_of
 from cruise.storage.config_file import to_data
 
 # Success and speed of each kind; a drone's lap follows from its speed.
@@ -55,7 +58,8 @@ def invent_cell(job: Job, scale: Scale) -> Cell:
     speed *= 1.0 if job.track == "ring" else 0.8
     measured = invent_measured(job, success, speed, scale.races, rng)
     if job.family == "planner":
-        return Cell(FORMAT, job.kind, job.track, job.drones, job.seed, ORIGIN, measured)
+        cell = Cell(FORMAT, job.kind, job.track, job.drones, job.seed, ORIGIN, measured)
+        return dataclasses.replace(cell, config=settings_of(job, scale))
     config = config_of(job, scale)
     return Cell(
         format=FORMAT,

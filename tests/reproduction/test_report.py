@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from cruise.report.tables import Number, Table, to_csv, to_html, to_markdown
-from cruise.reproduction.assemble import make_report, rate_tracks, write_report
+from cruise.reproduction.assemble import rate_tracks, warnings, write_report
 from cruise.reproduction.claims import claims_table
 from cruise.reproduction.entries import NOT_RUN
 from cruise.reproduction.evidence import Evidence, read_evidence
@@ -71,18 +71,18 @@ def test_every_cell_of_a_whole_study_is_filled(tables):
 def test_a_missing_cell_says_not_run(tmp_path):
     folder = ResultFolder(tmp_path)
     invent(folder, SCALE, (Job("cruise", "ring", 2, 0),))
-    report = make_report(read_evidence(folder, SCALE))
+    evidence = read_evidence(folder, SCALE)
     assert (
         f"{len(make_plan(SCALE)) - 1} of {len(make_plan(SCALE))} planned results are not there yet"
-        in report.warnings[0]
+        in warnings(evidence)[0]
     )
-    table = performance_table(read_evidence(folder, SCALE), "ring")
+    table = performance_table(evidence, "ring")
     cruise, planner = (
         next(row for row in table.rows if row[:2] == ("2", p)) for p in ("CRUISE", "SE-IBR, paper's caps")
     )
     assert isinstance(cruise[6], Number)
     assert planner[3:5] == (NOT_RUN, NOT_RUN)
-    assert all("ot known yet" in point.text for point in report.lead)
+    assert all("ot known yet" in point.text for point in headline(evidence, rate_tracks(evidence)))
 
 
 def test_nothing_at_all(tmp_path):
@@ -181,10 +181,10 @@ def test_settings_that_differ_between_seeds_are_told(tmp_path):
     folder = ResultFolder(tmp_path)
     jobs = (Job("cruise", "ring", 2, 0), Job("cruise", "ring", 2, 1))
     invent(folder, SCALE, jobs)
-    assert not any("different settings" in w for w in make_report(read_evidence(folder, SCALE)).warnings)
+    assert not any("different settings" in w for w in warnings(read_evidence(folder, SCALE)))
     path = folder.path / CELLS / f"{jobs[1].name}.json"
     path.write_text(path.read_text().replace('"gamma": 0.99', '"gamma": 0.9'))
-    assert any("CRUISE were trained with different" in w for w in make_report(read_evidence(folder, SCALE)).warnings)
+    assert any("CRUISE were made with different" in w for w in warnings(read_evidence(folder, SCALE)))
 
 
 def test_tables_escape_what_they_are_given():

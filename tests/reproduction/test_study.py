@@ -6,6 +6,7 @@ import multiprocessing
 import pytest
 
 from cruise.errors import CruiseError
+from cruise.pilots.se_ibr.options import Style
 from cruise.reproduction import study
 from cruise.reproduction.plan import Job, config_of, full_scale, make_plan
 from cruise.reproduction.results import ResultFolder
@@ -118,6 +119,14 @@ def test_another_configuration_is_seen_and_run_only_when_asked(work, made):
     assert left(other, PLAN) == ()
     assert set(left(other, PLAN, again=True)) == {job for job in PLAN if job.family == "learned"}
     assert other.run_folder(CRUISE) != work.run_folder(CRUISE)
+
+
+def test_a_planner_that_was_tuned_anew_is_seen(work, made, monkeypatch):
+    run_all(work)
+    tuned, paper = Job("se-ibr-tuned", "ring", 2, 0), Job("se-ibr", "ring", 2, 0)
+    faster = Style(9.0, 1.5)
+    monkeypatch.setattr("cruise.pilots.se_ibr.settings.tuned_style", lambda track: faster)
+    assert [state_of(work, job) for job in (tuned, paper)] == ["other settings", "done"]
 
 
 def test_options_that_came_later_change_nothing(work):

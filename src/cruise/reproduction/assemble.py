@@ -57,7 +57,7 @@ def make_report(evidence: Evidence) -> Report:
     return Report(
         title="CRUISE reproduced",
         lead=headline(evidence, ratings),
-        warnings=_warnings(evidence),
+        warnings=warnings(evidence),
         sections=(
             Section("At a glance", (RACES,), _glossary(), figures["overview"], (claims_table(evidence),)),
             Section("What did not reproduce, and why", points=reasons(evidence)),
@@ -92,18 +92,17 @@ def _how() -> str:
     )
 
 
-def _warnings(evidence: Evidence) -> tuple[str, ...]:
-    warnings = []
+def warnings(evidence: Evidence) -> tuple[str, ...]:
+    """What a reader must know of the results as a whole: their scale, what is missing, what does not go together."""
+    told = []
     if evidence.scale.name != "full":
-        warnings.append(
-            f"{scale_note(evidence).strip()} Its policies have hardly learned: it shows that everything works."
-        )
+        told.append(f"{scale_note(evidence).strip()} Its policies have hardly learned: it shows that everything works.")
     planned = make_plan(evidence.scale)
     there = {(cell.kind, cell.track, cell.drones, cell.seed) for cell in evidence.all_cells}
     there |= {("head-to-head", m.track, m.drones, m.seed) for met in evidence.meetings.values() for m in met}
     missing = sum((job.kind, job.track, job.drones, job.seed) not in there for job in planned)
     if missing:
-        warnings.append(f'{missing} of {len(planned)} planned results are not there yet; they show as "not run".')
+        told.append(f'{missing} of {len(planned)} planned results are not there yet; they show as "not run".')
     for kind in mixed_settings(evidence):
-        warnings.append(f"The cells of {KINDS[kind].title} were trained with different settings; see their files.")
-    return tuple(warnings)
+        told.append(f"The cells of {KINDS[kind].title} were made with different settings; see their files.")
+    return tuple(told)

@@ -30,6 +30,10 @@ class Evidence:
         """A kind's cells, one per seed; none where it was not run."""
         return self.cells.get((kind, track, drones), ())
 
+    def of_any(self, kind: str, track: str) -> tuple[Cell, ...]:
+        """A kind's cells with the fewest drones that were run."""
+        return next((cells for n in self.scale.drones if (cells := self.of(kind, track, n))), ())
+
     def summary(self, kind: str, track: str, drones: int) -> Summary | None:
         """A kind over its seeds; None where it was not run."""
         cells = self.of(kind, track, drones)
@@ -112,11 +116,12 @@ def _races(folder: ResultFolder, scale: Scale) -> Iterator[tuple[Place, RaceLog]
 
 
 def mixed_settings(evidence: Evidence) -> list[str]:
-    """Kinds whose cells were not all trained with the same settings, track, drones and seed apart."""
+    """Kinds whose cells were not all made with the same settings: track, drones and seed apart, the planner's track."""
     own = ("track", "drones", "seed", "checkpoint_seconds")
-    seen: dict[str, list[dict[str, Any]]] = {}
+    seen: dict[tuple[str, str], list[dict[str, Any]]] = {}
     for cell in evidence.all_cells:
         settings = {name: value for name, value in cell.config.items() if name not in own}
-        if settings not in seen.setdefault(cell.kind, []):
-            seen[cell.kind].append(settings)
-    return [kind for kind, settings in seen.items() if len(settings) > 1]
+        group = (cell.kind, cell.track if KINDS[cell.kind].family == "planner" else "")
+        if settings not in seen.setdefault(group, []):
+            seen[group].append(settings)
+    return list(dict.fromkeys(kind for (kind, _), settings in seen.items() if len(settings) > 1))

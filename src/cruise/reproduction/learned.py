@@ -1,5 +1,6 @@
 """A learned cell: train, measure the policy of every stage and the finished one, keep what the report needs."""
 
+import dataclasses
 import shutil
 import time
 from collections.abc import Iterator
@@ -13,8 +14,7 @@ from cruise.reproduction.commands import train_command
 from cruise.reproduction.measure import FRESH, load_as, measure, thin_curve
 from cruise.reproduction.plan import DUEL, ENTRANTS, MIXED, Job, config_of
 from cruise.reproduction.results import FORMAT, Cell, StageResult
-from cruise.reproduction.work import Step, Work
-from cruise.storage.config_file import to_data
+from cruise.reproduction.work import Step, Work, settings_of
 from cruise.training.session import CONFIG, Session, read_metrics
 from cruise.training.validation import check_config
 
@@ -48,7 +48,7 @@ def make_learned(work: Work, job: Job) -> Iterator[Step]:
         steps=rows[-1]["steps"],
         training_seconds=rows[-1]["seconds"],
         training_command=train_command(config),
-        config=to_data(config),
+        config=settings_of(job, work.scale),
         stages=(*stages, StageResult(last.number, last.stage.name, last.stage.agility, measured)),
         curve=thin_curve(rows),
     )
@@ -87,5 +87,5 @@ def make_planner(work: Work, job: Job) -> Iterator[Step]:
     yield Step("measuring")
     match = make_match(load_track(job.track), job.drones, job.kind)
     measured = measure(match, work.scale.races, job.seed)
-    origin = work.origin(job, started)
-    work.results.write(job, Cell(FORMAT, job.kind, job.track, job.drones, job.seed, origin, measured))
+    cell = Cell(FORMAT, job.kind, job.track, job.drones, job.seed, work.origin(job, started), measured)
+    work.results.write(job, dataclasses.replace(cell, config=settings_of(job, work.scale)))

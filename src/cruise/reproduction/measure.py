@@ -1,5 +1,6 @@
 """Races flown and turned into the numbers that are kept."""
 
+import dataclasses
 import math
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -21,8 +22,7 @@ CURVE_POINTS = 100
 
 def load_as(path: Path, name: str) -> NeuralPilot:
     """A policy under another name: policies of all seeds that go by one name need one compilation."""
-    pilot = load_policy(path)
-    return NeuralPilot(pilot.params, pilot.observation, pilot.drones, pilot.agility, name, pilot.vehicle)
+    return dataclasses.replace(load_policy(path), name=name)
 
 
 def measure(match: Match, races: int, seed: int) -> Measured:

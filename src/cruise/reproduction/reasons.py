@@ -12,6 +12,7 @@ from cruise.reproduction.evidence import Evidence
 from cruise.reproduction.plan import ABLATION_DRONES, KINDS
 from cruise.reproduction.pooling import Summary
 from cruise.reproduction.printed import FREE, SPEED_FACTOR, TABLES
+from cruise.reproduction.work import PLANNERS
 
 NOT_YET = "Not run yet."
 
@@ -103,9 +104,19 @@ def _capped_planner(evidence: Evidence) -> Point:
         )
     return Point(
         "The planner was held back.",
-        "The planner's speed is the speed it is allowed: the caps the paper's repository sets decide the comparison. "
-        f"{text}",
+        f"The planner's speed is the speed it is allowed{_allowed(evidence)}: the caps in the paper's repository "
+        f"decide the comparison. {text}",
     )
+
+
+def _allowed(evidence: Evidence) -> str:
+    """The speeds that the planner's two settings aim at."""
+    told = []
+    for track in evidence.scale.tracks:
+        caps = [cells[0].config.get("speed") for k in PLANNERS if (cells := evidence.of_any(k, track))]
+        if len(caps) == len(PLANNERS) and all(isinstance(cap, int | float) for cap in caps):
+            told.append(f"{track}: {caps[0]:g} m/s with the paper's caps, {caps[1]:g} m/s tuned")
+    return f" ({'; '.join(told)})" if told else ""
 
 
 def _range(found: dict[str, float]) -> str:

@@ -84,7 +84,7 @@ class Cell:
     steps: int = 0  # of training
     training_seconds: float = 0.0
     training_command: str = ""
-    config: dict[str, Any] = field(default_factory=dict)  # of the training, resolved
+    config: dict[str, Any] = field(default_factory=dict)  # of the training, resolved; how a planner flies the track
     stages: tuple[StageResult, ...] = ()
     curve: Curve | None = None
 

@@ -15,6 +15,9 @@ import jax
 
 from cruise import __version__
 from cruise.errors import CruiseError
+from cruise.pilots.se_ibr.settings import Setting, style_of
+from cruise.presets import VEHICLES
+from cruise.racing.track_file import load_track
 from cruise.reproduction.commands import reproduce_command
 from cruise.reproduction.plan import Job, Scale, config_of
 from cruise.reproduction.results import Cell, Origin, ResultFolder
@@ -70,17 +73,26 @@ class Work:
             yield
 
 
+PLANNERS: dict[str, Setting] = {"se-ibr": "paper", "se-ibr-tuned": "tuned"}
 # Fields of a configuration that change nothing in what is learned.
 IMMATERIAL = ("checkpoint_seconds",)
 
 
+def settings_of(job: Job, scale: Scale) -> dict[str, Any]:
+    """What a job's cell depends on beside the seeds: the resolved configuration, or how the planner flies a track."""
+    if job.family == "planner":
+        style = style_of(PLANNERS[job.kind], load_track(job.track), VEHICLES[scale.base.vehicle])
+        return {name: float(value) for name, value in style._asdict().items()}
+    return to_data(config_of(job, scale))
+
+
 def is_current(cell: Cell, job: Job, scale: Scale) -> bool:
-    """Whether a learned cell was made with the configuration that the plan has today.
+    """Whether a cell was made with the settings that the plan has today.
 
     Fields that one of the two does not know are no difference: a program that has grown an option still knows the
     results from before, which had none.
     """
-    return not cell.config or _agree(cell.config, to_data(config_of(job, scale)))
+    return _agree(cell.config, settings_of(job, scale))
 
 
 def _agree(kept: dict[str, Any], planned: dict[str, Any]) -> bool:
