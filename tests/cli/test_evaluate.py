@@ -4,6 +4,7 @@ import json
 
 import pytest
 
+from cruise.cli import evaluate
 from cruise.cli.main import main
 from cruise.evaluation.summary import MEASURED
 from cruise.storage import policy_file
@@ -49,6 +50,15 @@ def test_table_shows_everything_measured(capsys, monkeypatch):
     text = capsys.readouterr().out
     for words in ("success, per drone", "flying lap", "overtakes", "gate frame", "ground", "won %", "chaser", "hover"):
         assert words in text
+
+
+def test_replay_steps_through_the_races(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(evaluate, "MOST_SHOWN", 2)
+    assert main(["evaluate", *MIXED, "--html", str(tmp_path / "races.html")]) == 0
+    assert (tmp_path / "races.html").read_bytes().count(b'"label":"race ') == 2
+    assert f"replay   {tmp_path / 'races.html'}\n" in capsys.readouterr().out
+    assert main(["evaluate", *MIXED, "--html", "races.txt"]) == 2
+    assert "--html must name a .html file" in capsys.readouterr().err
 
 
 def test_the_shipped_policy_is_the_default(tmp_path, monkeypatch, capsys):

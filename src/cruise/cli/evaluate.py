@@ -3,18 +3,23 @@
 import json
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Column, Table
 
 from cruise.cli.compilation import use_compilation_cache
-from cruise.cli.line_up import LineUp
+from cruise.cli.line_up import LineUp, described
+from cruise.cli.outputs import check_output
 
 if TYPE_CHECKING:
     from cruise.evaluation.statistics import Estimate
     from cruise.evaluation.summary import Evaluation
+    from cruise.storage.race_log import RaceLog
+
+MOST_SHOWN = 100  # races in a replay; more would make the page heavy
 
 
 @dataclass(frozen=True)
@@ -28,13 +33,23 @@ class Evaluate:
     """Of the starts; they differ from those of training for every seed."""
     json: bool = False
     """Print one JSON object instead of a table."""
+    html: Annotated[Path | None, described("FILE")] = None
+    """Where to write a 3-D replay that steps through the races, the first 100 of more."""
 
     def run(self) -> int:
         """Fly the races and print what they show."""
+        check_output("--html", self.html, ".html")
         use_compilation_cache()
         from cruise.evaluation.matches import evaluate_match  # noqa: PLC0415  (imports JAX)
 
-        evaluation = evaluate_match(self.line_up.match(), self.episodes, self.seed)
+        shown: list[RaceLog] = []
+
+        def keep(log: "RaceLog") -> None:
+            if self.html is not None and len(shown) < MOST_SHOWN:
+                shown.append(log)
+
+        evaluation = evaluate_match(self.line_up.match(), self.episodes, self.seed, keep)
+        self._write_replay(shown)
         if self.json:
             print(json.dumps(evaluation.to_dict(), indent=2, allow_nan=False))
             return 0
@@ -42,7 +57,16 @@ class Evaluate:
         console.print(measured_table(evaluation))
         if len(evaluation.pilots) > 1:
             console.print(pilot_table(evaluation))
+        if self.html is not None:
+            print(f"replay   {self.html}")
         return 0
+
+    def _write_replay(self, logs: "list[RaceLog]") -> None:
+        if self.html is None:
+            return
+        from cruise.viewer.page import write_replay  # noqa: PLC0415
+
+        write_replay(self.html, logs, [f"race {number}" for number in range(1, len(logs) + 1)])
 
 
 # What a row shows: its title, the field, the factor and the unit.

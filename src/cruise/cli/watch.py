@@ -31,11 +31,13 @@ class Watch:
     @contextlib.contextmanager
     def training(self, session: "Session") -> Iterator[Callable[["Progress"], None]]:
         """What to call after every update of a run, so that those who watch see the policy race."""
-        if not self.watch:
+        from cruise.training.hosts import is_first  # noqa: PLC0415  (imports JAX)
+
+        if not (self.watch and is_first()):
             yield lambda progress: None
             return
         from cruise.presets import VEHICLES  # noqa: PLC0415
-        from cruise.viewer.training_races import TrainingRaces  # noqa: PLC0415  (imports JAX)
+        from cruise.viewer.training_races import TrainingRaces  # noqa: PLC0415
 
         config, track = session.config, session.track
         with self.server(f"{track.name}, training") as server:

@@ -2,7 +2,7 @@
 
 import functools
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -139,9 +139,13 @@ def race_env(track: Track, drones: int, vehicle: Vehicle) -> RaceEnv:
     return make_race_env(track, drones, vehicle)
 
 
-def evaluate_match(match: Match, episodes: int, seed: int) -> Evaluation:
-    """Fly `episodes` races and measure them."""
-    results = [race_result(log) for log in run_races(match, episodes, seed)]
+def evaluate_match(match: Match, episodes: int, seed: int, show: Callable[[RaceLog], None] | None = None) -> Evaluation:
+    """Fly `episodes` races, hand each to `show`, and measure them."""
+    results = []
+    for log in run_races(match, episodes, seed):
+        if show is not None:
+            show(log)
+        results.append(race_result(log))
     return summarise(match.track, tuple(pilot.name for pilot in match.team), results, seed)
 
 
