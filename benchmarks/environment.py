@@ -1,11 +1,13 @@
 """The environment alone: random actions, observation, reward and auto-reset, as training resets."""
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.sharding import NamedSharding, PartitionSpec
 from jaxtyping import Array, Bool, Float
 
 from benchmarks.machine import available_memory_mb
@@ -14,14 +16,16 @@ from cruise.env.race_env import RaceEnv, make_race_env
 from cruise.env.types import RaceState, Rules, stage_rules
 from cruise.presets import CURRICULUM, TRACKS, VEHICLES
 from cruise.racing.grid import Start, start_grid
+from cruise.training.devices import AXIS, choose_devices, make_mesh
 from cruise.training.experience import ACTIVE, begin_again
 
 TRACK = "ring"
 EPISODE_STEPS = 600
 COLLISION_DISTANCE = 0.5  # as in training [m]
-MOST_STEPS, LEAST_STEPS = 64, 4  # per call
+MOST_STEPS, LEAST_STEPS = 64, 16  # per call
 DRONE_STEPS = 2**21  # per call, about
-STRIDE = 16  # by which the block of random actions is shifted from step to step
+STRIDE = 16  # by which the table of random actions is shifted from step to step
+BLOCK = 256  # at most so many races side by side: with all they see they fit into a core's cache
 
 
 class Races(NamedTuple):
@@ -37,10 +41,11 @@ class Races(NamedTuple):
 class EnvironmentCase:
     """Races in parallel under random actions. Its unit is the step of one drone.
 
-    A call draws a pool of starts, then steps all races; actions are slices, at another offset in every step, of a block
-    drawn beforehand, because generating random numbers is not what is measured. A race in which the first drone is out
-    begins anew from the pool at the start of the next step. The observation is part of what the loop carries, so that
-    it is there in full at every step.
+    Every device flies its share of the races, block after block, each block for all steps of a call. For each it draws
+    a pool of starts; actions are slices, at another offset in every step, of a table drawn beforehand, because
+    generating random numbers is not what is measured. A race in which the first drone is out begins anew from the pool
+    at the start of the next step. The observation is part of what the loop carries, so that it is there in full at
+    every step.
     """
 
     def __init__(self, races: int, drones: int = 4, observation: ObservationKind | None = "extended") -> None:
@@ -51,10 +56,12 @@ class EnvironmentCase:
         self.env: RaceEnv = make_race_env(TRACKS[TRACK], drones, VEHICLES["paper"], observation or "extended")
         self.rules: Rules = jax.tree.map(jnp.asarray, stage_rules(CURRICULUM[-1], COLLISION_DISTANCE))
         self._key = jax.random.key(races)
-        shape = (self.env.dynamics.action_size, drones, races + self.steps * STRIDE)
-        self._actions = jnp.asarray(np.random.default_rng(races).uniform(-1.0, 1.0, shape), jnp.float32)
+        self._mesh = make_mesh(choose_devices(races))
+        self.block = block_size(races // self._mesh.size)
+        shape = (self.env.dynamics.action_size, drones, self.block + self.steps * STRIDE)
+        self._actions = np.random.default_rng(races).uniform(-1.0, 1.0, shape).astype(np.float32)
         self.carried = self._none_begun()
-        self._run = jax.jit(self._advance).lower(self.carried, self._actions, self._key).compile()
+        self._run = jax.jit(self._on_devices()).lower(self.carried, self._actions, self._key).compile()
 
     def __call__(self) -> None:
         """Go on with the races for `steps` steps."""
@@ -62,45 +69,63 @@ class EnvironmentCase:
         self.carried = jax.block_until_ready(self._run(self.carried, self._actions, key))
 
     def _none_begun(self) -> Races:
-        """Empty races that all begin in the first step."""
+        """Empty races, [blocks, ..., races of a block], that all begin in the first step."""
 
         def first(key: Array) -> Races:
-            state = self.env.reset(key, (self.races,))
-            reward = jnp.zeros((self.env.num_drones, self.races))
-            return Races(state, jnp.zeros(self.races, bool), self._look(state), reward, jnp.int32(0))
+            state = self.env.reset(key, (self.block,))
+            reward = jnp.zeros((self.env.num_drones, self.block))
+            return Races(state, jnp.zeros(self.block, bool), self._look(state), reward, jnp.int32(0))
 
-        empty = jax.tree.map(
-            lambda leaf: jnp.asarray(np.zeros(leaf.shape, leaf.dtype)), jax.eval_shape(first, self._key)
-        )
-        return empty._replace(restart=jnp.asarray(np.ones(self.races, bool)))
+        blocks = self.races // self.block
+        shapes = jax.eval_shape(first, self._key)
+        empty = jax.tree.map(lambda leaf: np.zeros((blocks, *leaf.shape), leaf.dtype), shapes)
+        spread = NamedSharding(self._mesh, PartitionSpec(AXIS))
+        placed: Races = jax.device_put(empty._replace(restart=~empty.restart), spread)
+        return placed
 
     def _look(self, state: RaceState) -> Array | None:
         return None if self.observation is None else self.env.observe(state)
 
     def _draw_starts(self, key: Array) -> Start:
-        """As many new starts per step as training draws, one per race every 64 steps, repeated to fill the pool."""
-        new = math.ceil(self.races * self.steps / MOST_STEPS)
-        needed = self.races + self.steps
+        """As many new starts per step as training draws, one per race every 64 steps, repeated to fill the block."""
+        new = math.ceil(self.block * self.steps / MOST_STEPS)
         drawn = start_grid(self.env.course, key, self.env.num_drones, (new,))
-        times = math.ceil(needed / new)
-        return Start(*(jnp.concatenate([x] * times, axis=-1)[..., :needed] for x in drawn))
+        times = math.ceil(self.block / new)
+        return Start(*(jnp.concatenate([x] * times, axis=-1)[..., : self.block] for x in drawn))
+
+    def _on_devices(self) -> Callable[[Races, Array, Array], Races]:
+        spread, everywhere = PartitionSpec(AXIS), PartitionSpec()
+
+        def advance_all(carried: Races, actions: Array, key: Array) -> Races:
+            keys = jax.random.split(jax.random.fold_in(key, jax.lax.axis_index(AXIS)), len(carried.restart))
+            return jax.lax.map(lambda block: self._advance(block[0], actions, block[1]), (carried, keys))
+
+        return jax.shard_map(
+            advance_all,
+            mesh=self._mesh,
+            in_specs=(spread, everywhere, everywhere),
+            out_specs=spread,
+            check_vma=False,
+        )
 
     def _advance(self, carried: Races, actions: Array, key: Array) -> Races:
-        pool = self._draw_starts(key)
-
-        def window(rows: Array, first: Array) -> Array:
-            return jax.lax.dynamic_slice_in_dim(rows, first, self.races, axis=-1)
+        begun = self.env.begin(self._draw_starts(key))
 
         def step(races: Races, t: Array) -> tuple[Races, None]:
-            start = jax.tree.map(lambda x: window(x, t), pool)
-            state = begin_again(races.state, self.env.begin(start), races.restart)
+            state = begin_again(races.state, begun, races.restart)
             seen = self._look(state)
-            state, outcome = self.env.step(state, window(actions, t * STRIDE), self.rules)
+            action = jax.lax.dynamic_slice_in_dim(actions, t * STRIDE, self.block, axis=-1)
+            state, outcome = self.env.step(state, action, self.rules)
             restart = outcome.terminated[ACTIVE] | (state.step >= EPISODE_STEPS)
             return Races(state, restart, seen, races.reward + outcome.reward, races.restarts + restart.sum()), None
 
         carried, _ = jax.lax.scan(step, carried, jnp.arange(self.steps))
         return carried
+
+
+def block_size(races: int) -> int:
+    """The largest number of races up to BLOCK that divides them all."""
+    return max(size for size in range(1, BLOCK + 1) if races % size == 0)
 
 
 def memory_needed_mb(races: int, drones: int) -> float:

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
 from cruise.config import PPOConfig, TrainConfig
@@ -82,11 +83,11 @@ def trainer_flop(trainer: Trainer) -> TrainFlop:
 def environment_flop(env: RaceEnv, rules: Rules, races: int = 64) -> float | None:
     """Of stepping and observing one race with all its drones, as XLA counts them before it optimises."""
 
-    def step(state: RaceState, action: jax.Array) -> tuple:
+    def step(state: RaceState, action: jax.Array, rules: Rules) -> tuple:
         state, outcome = env.step(state, env.decode(state.next_gate, action), rules)
         return env.observe(state), outcome.reward, outcome.terminated, state
 
     state = jax.eval_shape(lambda key: env.reset(key, (races,)), jax.random.key(0))
     action = jax.ShapeDtypeStruct((env.dynamics.action_size, env.num_drones, races), jnp.float32)
-    counted = jax.jit(step).lower(state, action).cost_analysis()
+    counted = jax.jit(step).lower(state, action, rules).cost_analysis()
     return counted["flops"] / races if counted and "flops" in counted else None

@@ -91,10 +91,15 @@ def test_races_of_the_environment_benchmark_begin_again_from_the_pool():
     assert np.isfinite(races.observation).all()
     assert (age >= 1).all()
     assert (age <= case.steps).all()
-    np.testing.assert_array_equal(races.state.out[ACTIVE], races.restart)  # who is out does not fly on
-    assert races.restarts >= (age < case.steps).sum()
+    np.testing.assert_array_equal(races.state.out[:, ACTIVE], races.restart)  # who is out does not fly on
+    assert races.restarts.sum() >= (age < case.steps).sum()
     case()
     assert (np.asarray(case.carried.state.step) <= 2 * case.steps).all()
+
+
+@pytest.mark.parametrize(("races", "size"), [(1, 1), (16, 16), (2048, 256), (50_000, 250), (257, 1)])
+def test_blocks_share_the_races(races, size):
+    assert environment.block_size(races) == size
 
 
 def test_as_many_races_as_memory_lets(monkeypatch):
