@@ -14,7 +14,7 @@ from benchmarks.machine import available_memory_mb
 from cruise.config import ObservationKind
 from cruise.env.race_env import RaceEnv, make_race_env
 from cruise.env.types import RaceState, Rules, stage_rules
-from cruise.presets import CURRICULUM, TRACKS, VEHICLES
+from cruise.presets import CURRICULA, TRACKS, VEHICLES
 from cruise.racing.grid import Start, start_grid
 from cruise.training.devices import AXIS, choose_devices, make_mesh
 from cruise.training.experience import ACTIVE, begin_again
@@ -48,13 +48,15 @@ class EnvironmentCase:
     every step.
     """
 
-    def __init__(self, races: int, drones: int = 4, observation: ObservationKind | None = "extended") -> None:
+    def __init__(
+        self, races: int, drones: int = 4, observation: ObservationKind | None = "extended", vehicle: str = "paper"
+    ) -> None:
         """Compile it; without `observation` nobody looks."""
         self.races, self.observation = races, observation
         self.steps = max(LEAST_STEPS, min(MOST_STEPS, DRONE_STEPS // (races * drones)))
         self.work = float(races * drones * self.steps)
-        self.env: RaceEnv = make_race_env(TRACKS[TRACK], drones, VEHICLES["paper"], observation or "extended")
-        self.rules: Rules = jax.tree.map(jnp.asarray, stage_rules(CURRICULUM[-1], COLLISION_DISTANCE))
+        self.env: RaceEnv = make_race_env(TRACKS[TRACK], drones, VEHICLES[vehicle], observation or "extended")
+        self.rules: Rules = jax.tree.map(jnp.asarray, stage_rules(CURRICULA[vehicle][-1], COLLISION_DISTANCE))
         self._key = jax.random.key(races)
         self._mesh = make_mesh(choose_devices(races))
         self.block = block_size(races // self._mesh.size)
