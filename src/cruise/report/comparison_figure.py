@@ -40,7 +40,7 @@ class Panel:
     groups: tuple[str, ...]
     series: tuple[Series, ...]
     lines: tuple[tuple[float, str], ...] = ()  # (value, what it is)
-    high: float | None = None  # the scale goes from 0 to here
+    high: float | None = None  # the scale goes from just below 0 to here
 
 
 def draw_comparison(rows: Sequence[Sequence[Panel]]) -> Figure:
@@ -65,9 +65,9 @@ def _draw(axes: Axes, panel: Panel) -> None:
                 _draw_dot(axes, group + offset, dot, series, marker)
     for value, what in panel.lines:
         axes.axhline(value, color=INK, linewidth=1.0, linestyle=":", zorder=1)
-        axes.annotate(what, (1.0, value), xycoords=("axes fraction", "data"), ha="right", va="bottom", fontsize=8)
+        axes.annotate(what, (1.01, value), xycoords=("axes fraction", "data"), ha="left", va="center", fontsize=8)
     if panel.high is not None:
-        axes.set_ylim(0.0, panel.high)
+        axes.set_ylim(-0.04 * panel.high, panel.high)
     for edge in range(1, len(panel.groups)):
         axes.axvline(edge - 0.5, color=GRID, linewidth=0.8)
     tidy(axes, panel.title, ylabel=panel.unit)

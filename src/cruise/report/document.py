@@ -1,6 +1,7 @@
 """A report of headed sections, written as one HTML page that needs nothing else, or as Markdown."""
 
 import base64
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
@@ -99,12 +100,17 @@ def _section_html(section: Section, number: int) -> str:
     points = "".join(f"<li><strong>{escape(p.head)}</strong> {escape(p.text)}</li>\n" for p in section.points)
     parts = [
         f"<h2 id='s{number}'>{escape(section.title)}</h2>",
-        *(f"<p>{escape(paragraph)}</p>" for paragraph in section.paragraphs),
+        *(f"<p>{_with_code(paragraph)}</p>" for paragraph in section.paragraphs),
         f"<ul>\n{points}</ul>" if points else "",
         *(_picture_html(picture) for picture in section.pictures),
         *(to_html(table) for table in section.tables),
     ]
     return "\n".join(part for part in parts if part)
+
+
+def _with_code(text: str) -> str:
+    """Text between back quotes is code."""
+    return re.sub(r"`([^`]+)`", r"<code>\1</code>", escape(text))
 
 
 def _picture_html(picture: Picture) -> str:

@@ -182,9 +182,12 @@ def limits(evidence: Evidence) -> Drawing:
     row = []
     for track in evidence.scale.tracks:
         panel = _panel(evidence, track, ENTRANTS, "lap", "timed flying lap [s]", 1)
-        lines = ((FREE.lap(track), "limit, free commands"), (GENTLE.lap(track), "limit, gentle commands"))
+        lines = ((FREE.lap(track), "free"), (GENTLE.lap(track), "gentle"))
         row.append(Panel(panel.title, panel.unit, panel.groups, panel.series, lines))
-    caption = "Timed laps, and the fastest laps that one drone alone could fly with this vehicle."
+    caption = (
+        "Timed laps, and (dotted) the fastest that one drone alone could fly with this vehicle, with free commands "
+        "and with gentle ones, whose action changes by at most 0.2 a step."
+    )
     return Drawing("limits", caption, draw_comparison([row]))
 
 

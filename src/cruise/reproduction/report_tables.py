@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from cruise.presets import CURRICULUM
+from cruise.presets import CURRICULUM, TRACKS
 from cruise.report.tables import Entry, Number, Table
 from cruise.reproduction.entries import INTERVALS, NOT_RUN, note, number
 from cruise.reproduction.evidence import Evidence
@@ -11,6 +11,7 @@ from cruise.reproduction.plan import ABLATION_DRONES, ABLATIONS, KINDS, make_pla
 from cruise.reproduction.pooling import Pooled, Summary
 from cruise.reproduction.printed import LIMITS, STAGE_SPEEDS, TABLES, Printed
 from cruise.reproduction.ratings import Rating
+from cruise.reproduction.results import Cell
 
 NOT_PRINTED = ""  # of pilots that the paper does not have
 PERFORMANCE = ("cruise", "se-ibr", "se-ibr-tuned", "vanilla", "vanilla-stage5", "self-play-only")
@@ -161,16 +162,21 @@ def _over(lap: Pooled | None, limit: float) -> Entry:
     return Number(mean, low, high, digits=1)
 
 
+def _in_order(cell: Cell) -> tuple[int, int, int, int]:
+    """Kinds and tracks as they are planned."""
+    return list(KINDS).index(cell.kind), list(TRACKS).index(cell.track), cell.drones, cell.seed
+
+
 def runs_table(evidence: Evidence) -> Table:
     """Everything that was run, and what to type to run it again."""
     rows: list[tuple[Entry, ...]] = []
-    for cell in evidence.all_cells:
+    for cell in sorted(evidence.all_cells, key=_in_order):
         steps = Number(cell.steps / 1e6, digits=2) if cell.steps else "-"
         minutes = Number(cell.training_seconds / 60, digits=1) if cell.steps else "-"
-        place = (cell.track, str(cell.drones), KINDS[cell.kind].title, str(cell.seed))
+        place = (KINDS[cell.kind].title, cell.track, str(cell.drones), str(cell.seed))
         made = (f"{cell.origin.version}, jax {cell.origin.jax}", cell.origin.platform)
         rows.append((*place, steps, minutes, str(len(cell.measured.success)), *made, cell.origin.command))
-    header = ("track", "drones", "pilot", "seed", "steps [M]", "training [min]", "races", "version", "on", "command")
+    header = ("pilot", "track", "drones", "seed", "steps [M]", "training [min]", "races", "version", "on", "command")
     missing = len([job for job in make_plan(evidence.scale) if job.family != "head-to-head"]) - len(rows)
     left = f"{missing} planned cells are not run yet. " if missing > 0 else ""
     return Table(
