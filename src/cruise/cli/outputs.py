@@ -5,7 +5,7 @@ import os
 import sys
 import webbrowser
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NamedTuple
 
@@ -27,6 +27,40 @@ class Product(NamedTuple):
 
 
 @dataclass(frozen=True)
+class Films:
+    """A race as an animated picture or a film."""
+
+    gif: Annotated[Path | None, described("FILE")] = None
+    """Where to write the race, the first of several, as an animated picture (.gif)."""
+    mp4: Annotated[Path | None, described("FILE")] = None
+    """Where to write it as a film (.mp4); needs the extra `video`."""
+    clip: Annotated[tuple[float, float] | None, described("FROM TO")] = None
+    """Which seconds of the race they show. By default all."""
+
+    def check(self) -> None:
+        """Raises CruiseError where a file cannot be meant or made, before anything is flown for it."""
+        check_output("--gif", self.gif, ".gif")
+        check_output("--mp4", self.mp4, ".mp4")
+        if self.clip is not None and not 0 <= self.clip[0] < self.clip[1]:
+            raise CruiseError(
+                f"--clip takes two times in seconds, the earlier first, got {self.clip[0]} {self.clip[1]}"
+            )
+        if self.mp4 is not None:
+            from cruise.viewer.film.files import check_video  # noqa: PLC0415  (imports SciPy)
+
+            check_video()
+
+    def products(self, log: "RaceLog") -> list[Product]:
+        """The files asked for."""
+        if self.gif is None and self.mp4 is None:
+            return []
+        from cruise.viewer.film.files import draw_gif, draw_mp4  # noqa: PLC0415
+
+        makers = ((self.gif, draw_gif), (self.mp4, draw_mp4))
+        return [Product("film", path, functools.partial(draw, log, self.clip)) for path, draw in makers if path]
+
+
+@dataclass(frozen=True)
 class Outputs:
     """Files that show and hold races."""
 
@@ -34,6 +68,7 @@ class Outputs:
     """Where to draw the race. `--png None` draws nothing."""
     html: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = Path("race.html")
     """Where to write the 3-D replay, a page for any browser. `--html None` writes none."""
+    films: Films = field(default_factory=Films)
     log: Annotated[Path | None, described("FILE")] = None
     """Where to write the race log (.npz; docs/race-log.md describes it). Several are numbered: race-1.npz ..."""
     open: bool = False
@@ -44,23 +79,19 @@ class Outputs:
         check_output("--png", self.png, ".png")
         check_output("--html", self.html, ".html")
         check_output("--log", self.log, ".npz")
+        self.films.check()
         if self.open and self.html is None:
             raise CruiseError("--open shows the replay: leave --html as it is, or name a .html file")
 
     def write(self, logs: Sequence["RaceLog"], labels: Sequence[str]) -> list[Product]:
-        """Write everything that was asked for, once all of it is made."""
+        """Write everything that was asked for."""
         products = self._products(logs, labels)
-        contents = [product.make() for product in products]
-        from cruise.storage.atomic import write_atomically  # noqa: PLC0415  (imports NumPy)
-
-        for product, content in zip(products, contents, strict=True):
-            write_atomically(product.path, content)
+        write(products)
         return products
 
     def tell(self, products: Sequence[Product]) -> None:
         """Say where everything is, and show the replay if asked to."""
-        for product in products:
-            print(f"{product.name:8} {product.path}")
+        name(products)
         if self.open and self.html is not None:
             show(self.html)
 
@@ -75,7 +106,22 @@ class Outputs:
             products.append(Product("picture", self.png, functools.partial(draw_race, logs[0])))
         if self.html is not None:
             products.append(Product("replay", self.html, functools.partial(replay_page, logs, labels)))
-        return products
+        return products + self.films.products(logs[0])
+
+
+def write(products: Sequence[Product]) -> None:
+    """Make everything, then write it: where something cannot be made, nothing is written."""
+    from cruise.storage.atomic import write_atomically  # noqa: PLC0415  (imports NumPy)
+
+    contents = [product.make() for product in products]
+    for product, content in zip(products, contents, strict=True):
+        write_atomically(product.path, content)
+
+
+def name(products: Sequence[Product]) -> None:
+    """Say where everything is."""
+    for product in products:
+        print(f"{product.name:8} {product.path}")
 
 
 def check_output(flag: str, path: Path | None, ending: str) -> None:

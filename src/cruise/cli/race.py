@@ -14,7 +14,7 @@ from rich.table import Column, Table
 
 from cruise.cli.compilation import use_compilation_cache
 from cruise.cli.line_up import LineUp, described
-from cruise.cli.outputs import Outputs, show
+from cruise.cli.outputs import Films, Outputs, show
 from cruise.cli.watch import Watch
 from cruise.errors import CruiseError
 
@@ -67,8 +67,8 @@ class Race:
 
     def _show_live(self) -> int:
         """Fly race after race for those who watch, and write nothing."""
-        if self.outputs.log is not None:
-            raise CruiseError("--watch shows races and writes nothing: leave out --log")
+        if self.outputs.log or self.outputs.films != Films():
+            raise CruiseError("--watch shows races and writes nothing: leave out --log, --gif and --mp4")
         match = self.line_up.match(self.laps)
         title = f"{match.track.name}, {len(match.team)} drones"
         with self.watch.server(title) as server:

@@ -1,13 +1,14 @@
 """`cruise replay`: race logs as a page that replays them in three dimensions."""
 
-from dataclasses import dataclass
+import functools
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
 
 import tyro
 
 from cruise.cli.line_up import described
-from cruise.cli.outputs import check_output, show
+from cruise.cli.outputs import Films, Product, check_output, name, show, write
 from cruise.errors import CruiseError
 
 
@@ -21,6 +22,7 @@ class Replay:
     """Where to write the page. By default beside the first log, under its name."""
     ghost: Annotated[Path | None, described("RACE.npz")] = None
     """A log on the same track whose drones fly along, translucent and out of competition."""
+    films: Films = field(default_factory=Films)
     open: bool = False
     """Show the page in the browser, where there is a display."""
 
@@ -30,14 +32,17 @@ class Replay:
             raise CruiseError("name at least one race log, as cruise race --log race.npz writes it")
         page = self.html or self.logs[0].with_suffix(".html")
         check_output("--html", page, ".html")
-        from cruise.storage.atomic import write_atomically  # noqa: PLC0415  (imports NumPy)
-        from cruise.storage.race_log import load_race_log  # noqa: PLC0415
+        self.films.check()
+        from cruise.storage.race_log import load_race_log  # noqa: PLC0415  (imports NumPy)
         from cruise.viewer.page import replay_page  # noqa: PLC0415
 
         logs = [load_race_log(path) for path in self.logs]
         ghost = None if self.ghost is None else load_race_log(self.ghost)
-        write_atomically(page, replay_page(logs, [path.stem for path in self.logs], ghost))
-        print(f"replay   {page}")
+        labels = [path.stem for path in self.logs]
+        replay = Product("replay", page, functools.partial(replay_page, logs, labels, ghost))
+        products = [replay, *self.films.products(logs[0])]
+        write(products)
+        name(products)
         if self.open:
             show(page)
         return 0

@@ -1,0 +1,1 @@
+"""Races as animated pictures and films, drawn by the processor alone."""

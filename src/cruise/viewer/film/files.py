@@ -1,0 +1,86 @@
+"""Films as files: animated GIF by Pillow, MP4 by the ffmpeg that imageio-ffmpeg brings."""
+
+import io
+import tempfile
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from cruise.errors import CruiseError
+from cruise.storage.race_log import RaceLog
+from cruise.viewer.film import look
+from cruise.viewer.film.film import frames
+
+GIF_SIZE, GIF_RATE = (640, 360), 12.5  # a GIF counts hundredths of a second
+MP4_SIZE, MP4_RATE = (1280, 720), 25.0
+GROUND_COLOURS = 96  # of 256 in a GIF
+SHADES = np.linspace(0.0, 0.85, 11)  # of every other colour, towards the ground
+
+Clip = tuple[float, float] | None
+
+
+def draw_gif(log: RaceLog, clip: Clip = None) -> bytes:
+    """An animated picture that repeats for ever."""
+    pictures = list(frames(log, GIF_SIZE, GIF_RATE, clip))
+    palette = _shared_palette(pictures[0], log.num_drones)
+    flat = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures]
+    content = io.BytesIO()
+    flat[0].save(
+        content,
+        "GIF",
+        save_all=True,
+        append_images=flat[1:],
+        duration=round(1000 / GIF_RATE),
+        loop=0,
+        optimize=False,
+        disposal=1,
+    )
+    return content.getvalue()
+
+
+def _shared_palette(picture: Image.Image, drones: int) -> Image.Image:
+    """Colours for all frames, so that what does not move does not change: many of the ground, some of all else."""
+    ground = picture.quantize(GROUND_COLOURS, Image.Quantize.MEDIANCUT).getpalette() or []
+    own = dict.fromkeys(look.colour_of(drone) for drone in range(drones))
+    bright = [*own, look.INK, look.STRIP, look.HIGHLIGHT, look.GATE, look.MUTED, look.WARNING, look.ARMS]
+    shades = [look.mix(colour, look.GROUND, share) for share in SHADES for colour in bright]
+    colours = [*ground[: 3 * GROUND_COLOURS], *(part for shade in shades for part in shade)]
+    palette = Image.new("P", (1, 1))
+    palette.putpalette(colours[: 3 * 256])
+    return palette
+
+
+def check_video() -> None:
+    """Raises CruiseError where MP4 files cannot be made."""
+    try:
+        import imageio_ffmpeg  # noqa: F401, PLC0415
+    except ImportError:
+        raise CruiseError("--mp4 needs imageio-ffmpeg: pip install 'cruise-racing[video]'") from None
+
+
+def draw_mp4(log: RaceLog, clip: Clip = None) -> bytes:
+    """A film in H.264, which every browser plays."""
+    check_video()
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "race.mp4"
+        _encode(path, frames(log, MP4_SIZE, MP4_RATE, clip))
+        return path.read_bytes()
+
+
+def _encode(path: Path, pictures: Iterable[Image.Image]) -> None:
+    import imageio_ffmpeg  # noqa: PLC0415
+
+    options = ["-crf", "20", "-preset", "fast", "-movflags", "+faststart"]
+    writer: Iterator = imageio_ffmpeg.write_frames(
+        str(path), MP4_SIZE, fps=MP4_RATE, codec="libx264", quality=None, output_params=options, macro_block_size=8
+    )
+    try:
+        next(writer)
+        for picture in pictures:
+            writer.send(np.ascontiguousarray(picture))  # type: ignore[attr-defined]
+    except OSError as error:
+        raise CruiseError(f"the film could not be encoded: {' '.join(str(error).split())}") from None
+    finally:
+        writer.close()  # type: ignore[attr-defined]
