@@ -19,6 +19,7 @@ LINES = (
     ("training, first update, cold", "cold_start_s", 1.0, "s"),
     ("training, first update, warm", "warm_start_s", 1.0, "s"),
     ("peak memory, training", "peak_memory_mb", 1.0, "MB"),
+    ("planner, 100 races of 4 drones over 50 s", "planner_s", 1.0, "s"),
 )
 TITLES = {
     "environment_races": "environment over races, 4 drones",
@@ -47,6 +48,8 @@ def headline_table(figures: dict[str, Any]) -> Table:
     """One line per figure."""
     table = Table("", Column("", justify="right"), "", title="CRUISE, how fast it is", show_header=False)
     for title, key, factor, unit in LINES:
+        if key not in figures:
+            continue
         value = figures[key]
         table.add_row(title, "-" if value is None else readable(value * factor), unit)
     return table

@@ -1,6 +1,8 @@
 """Pilots in plain Python: they fly as pilots in JAX do, see what is there, and are told clearly what is wrong."""
 
+import contextlib
 import time
+from types import SimpleNamespace
 
 import jax
 import numpy as np
@@ -8,6 +10,7 @@ import pytest
 
 from cruise.env.race_env import make_race_env
 from cruise.errors import CruiseError
+from cruise.pilots import cockpit
 from cruise.pilots.foreign import ForeignPilot, wrap
 from cruise.pilots.neural import NeuralPilot
 from cruise.pilots.scripted import SCRIPTED, Chaser
@@ -175,6 +178,25 @@ def test_who_is_out_is_not_asked_again():
 class Sleeps:
     def act(self, view):
         time.sleep(0.03)
+
+
+def test_constructors_have_time(monkeypatch):
+    """Loading a model takes time; the budget is that of actions."""
+    clock = [0.0]
+
+    class Wakes:
+        def __init__(self):
+            clock[0] += 100.0
+
+        def act(self, view):
+            clock[0] += 1.0
+            return np.zeros(3)
+
+    monkeypatch.setattr(cockpit, "time", SimpleNamespace(perf_counter=lambda: clock[0]))
+    assert len(flown([wrap(Wakes, budget=30.0)] * DRONES, steps=1).action) == 1
+    monkeypatch.setattr(cockpit, "cut_off", lambda seconds: contextlib.nullcontext())
+    with pytest.raises(CruiseError, match="took 1000 ms, more than its budget of 500 ms"):
+        flown([wrap(Wakes, budget=0.5)] * DRONES, steps=1)
 
 
 class Endless:

@@ -50,6 +50,9 @@ COMMANDS = {
     "train": Entry("cruise.cli.train", "Train", "Train a policy through the curriculum, or resume a run."),
     "evaluate": Entry("cruise.cli.evaluate", "Evaluate", "Measure pilots over many races, with confidence intervals."),
     "tracks": Entry("cruise.cli.tracks", "Tracks", "List, show and check tracks."),
+    "tune-planner": Entry(
+        "cruise.cli.tune_planner", "TunePlanner", "Find how fast the SE-IBR planner can fly a track."
+    ),
     "reproduce": Entry("cruise.cli.reproduce", "Reproduce", "Run the paper's experiments again and write a report."),
     "new-pilot": Entry("cruise.cli.new_pilot", "NewPilot", "Write a pilot in Python to start from."),
     "export": Entry("cruise.cli.export", "Export", "Write a policy as an ONNX model or a C header."),

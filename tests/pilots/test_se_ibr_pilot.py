@@ -1,0 +1,146 @@
+"""The planner as a pilot: any number of drones, any company, any track; the vehicle does what the plan wants."""
+
+import dataclasses
+import itertools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from cruise.env.race_env import make_race_env
+from cruise.errors import CruiseError
+from cruise.pilots.named import NAMED
+from cruise.pilots.se_ibr import Algorithm, SeIbrPilot, Style
+from cruise.pilots.se_ibr.tracking import Moment, cascade_tracker
+from cruise.pilots.se_ibr.trajectory import make_trajectory
+from cruise.presets import TRACKS, VEHICLES
+from cruise.rollout import fly, team_rules
+from tests.helpers import quick_jit
+
+PAPER = VEHICLES["paper"]
+KEY = jax.random.key(3)
+TUNED = NAMED["se-ibr-tuned"]
+
+
+@pytest.mark.parametrize(("drones", "batch"), [(1, (2,)), (16, ())])
+def test_any_number_of_drones(drones, batch):
+    env = make_race_env(TRACKS["ring"], drones, PAPER)
+    everyone = tuple(range(drones))
+    pilot = dataclasses.replace(TUNED, algorithm=Algorithm(iterations=3))
+
+    def first_steps(key):
+        state = env.reset(key, batch)
+        memory, first = pilot.act(env, everyone, pilot.init(env, everyone, state), state, key)
+        return first, pilot.act(env, everyone, memory, state, key)[1]
+
+    for action in quick_jit(first_steps)(KEY):
+        assert action.shape == (3, drones, *batch)
+        assert np.abs(action).max() <= 1.0
+        assert np.abs(action).max() > 0.1
+
+
+@pytest.fixture(scope="module")
+def mixed():
+    """Two drones of the planner and a chaser, over a lap of the figure-eight."""
+    env = make_race_env(TRACKS["figure-eight"], 3, PAPER)
+    team = [TUNED, NAMED["chaser"], TUNED]
+    rules = team_rules(team, PAPER.collision_distance, env.course.num_gates + 1, (8,))
+    return fly(env, team, rules, KEY, 500, (8,))
+
+
+def test_flies_among_others(mixed):
+    assert mixed.finished[-1][[0, 2]].all()
+    assert not mixed.crossing.missed[:, [0, 2]].any()
+
+
+def test_is_faster_than_who_does_not_plan(mixed):
+    last = [
+        np.where(mixed.crossing.passed[:, drone].any(0), mixed.airborne[:, drone].sum(0), 9999) for drone in range(3)
+    ]
+    assert (np.maximum(last[0], last[2]) < last[1]).mean() > 0.8
+
+
+def test_who_flies_some_drones_flies_them_as_who_flies_all():
+    """What a planner does with its drones does not depend on whether it is asked for all of them."""
+    env = make_race_env(TRACKS["ring"], 3, PAPER)
+    pilot = SeIbrPilot(Style(4.0, 1.7), algorithm=Algorithm(iterations=5))
+
+    def actions(key):
+        state = env.reset(key, (4,))
+        return [pilot.act(env, crew, pilot.init(env, crew, state), state, key)[1] for crew in ((0, 1, 2), (2, 0))]
+
+    everyone, some = quick_jit(actions)(KEY)
+    np.testing.assert_allclose(some, everyone[:, [2, 0]], atol=1e-4)
+
+
+def test_plans_anew_every_tenth_of_a_second():
+    """A vehicle with control steps of 0.02 s: one plan for five steps, and an action at each of them."""
+    vehicle = VEHICLES["racer"]
+    env = make_race_env(TRACKS["ring"], 1, vehicle)
+    pilot = dataclasses.replace(TUNED.for_vehicle(vehicle), algorithm=Algorithm(iterations=5, dt=0.1))
+    assert env.dynamics.control_dt == 0.02
+    state = env.reset(KEY, (2,))
+    act = quick_jit(lambda memory, state: pilot.act(env, (0,), memory, state, KEY))
+    step = quick_jit(lambda state, action: env.step(state, action, team_rules([pilot], 0.25, 20, (2,)))[0])
+    memory, plans, actions = pilot.init(env, (0,), state), [], []
+    for _ in range(11):
+        memory, action = act(memory, state)
+        state = step(state, action)
+        plans.append(np.asarray(memory.plan.position_w))
+        actions.append(np.asarray(action))
+    new = [k for k in range(1, 11) if not np.array_equal(plans[k], plans[k - 1])]
+    assert new == [5, 10]
+    assert all(not np.array_equal(a, b) for a, b in itertools.pairwise(actions))
+    assert (state.drones.velocity_w**2).sum() > 1.0
+
+
+def test_the_cascade_gives_the_acceleration_that_is_wanted():
+    """Tilts act two steps after a command, thrust at once; `ahead` is where the drone then is."""
+    env = make_race_env(TRACKS["ring"], 1, PAPER)
+    rng = np.random.default_rng(0)
+    state = env.reset(KEY, (64,)).drones
+    body = state.body._replace(
+        euler=jnp.asarray(rng.uniform(-0.08, 0.08, (3, 1, 64)), jnp.float32).at[2].set(0.0),
+        angular_velocity_b=jnp.asarray(rng.uniform(-0.1, 0.1, (3, 1, 64)), jnp.float32).at[2].set(0.0),
+        velocity_w=jnp.asarray(rng.uniform(-3, 3, (3, 1, 64)), jnp.float32),
+    )
+    state = state._replace(body=body, memory=jnp.asarray(rng.uniform(-0.1, 0.1, (3, 1, 64)), jnp.float32))
+    tracker, agility, h = cascade_tracker(PAPER), 30.0, PAPER.control_dt  # so agile that no action is clipped
+    position, velocity = tracker.ahead(state)
+    wanted = jnp.asarray(rng.uniform(-0.8, 0.8, (3, 1, 64)), jnp.float32)
+    steady = position[:, None] + np.arange(1, 4)[:, None, None] * 0.15 * (velocity + 0.3 * wanted)[:, None]
+    moment = Moment(state, 0.0, 0.3, agility)
+    action = tracker.command(make_trajectory(position, velocity, steady, 0.15), moment)
+    assert np.abs(action).max() < 1.0
+
+    first = env.dynamics.step(state, action, agility)
+    second = env.dynamics.step(first, jnp.zeros_like(action), agility)
+    third = env.dynamics.step(second, jnp.zeros_like(action), agility)
+    np.testing.assert_allclose(second.position_w[:2], position[:2], atol=5e-3)
+    np.testing.assert_allclose(second.velocity_w[:2], velocity[:2], atol=0.02)
+    np.testing.assert_allclose((first.velocity_w - state.velocity_w)[2] / h, wanted[2], atol=0.01)
+    # Small angles and a thrust of m g are what the cascade assumes; the rest is what is left over.
+    np.testing.assert_allclose((third.velocity_w - second.velocity_w)[:2] / h, wanted[:2], atol=0.15)
+
+
+def test_a_trajectory_between_its_knots():
+    """Uniform acceleration from rest: positions are interpolated, velocities linear, the end holds."""
+    start, planned = (
+        jnp.zeros((3, 1)),
+        jnp.stack([jnp.array([k * (k + 1) / 2.0, 0.0, 2.0 * k])[:, None] for k in (1, 2, 3)], 1),
+    )
+    trajectory = make_trajectory(start, jnp.array([[0.0], [0.0], [2.0]]), planned, 1.0)
+    here = trajectory.at(1.5)
+    np.testing.assert_allclose(here.position_w[:, 0], [2.0, 0.0, 3.0], atol=1e-6)
+    np.testing.assert_allclose(here.velocity_w[:, 0], [1.5, 0.0, 2.0], atol=1e-6)
+    np.testing.assert_allclose(here.acceleration_w[:, 0], [1.0, 0.0, 0.0], atol=1e-6)
+    np.testing.assert_allclose(trajectory.at(jnp.array([9.0])).position_w[:, 0], [6.0, 0.0, 6.0], atol=1e-6)
+
+
+def test_another_vehicle_than_its_own_is_refused():
+    env = make_race_env(TRACKS["ring"], 1, VEHICLES["racer"])
+    with pytest.raises(
+        CruiseError, match="pilot 'se-ibr-tuned' flies vehicle 'paper', which is not the one of this race"
+    ):
+        TUNED.init(env, (0,), jax.eval_shape(env.reset, KEY))
