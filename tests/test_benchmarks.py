@@ -20,10 +20,12 @@ from benchmarks.machine import LEAST_ROUNDS, interleave, peak_memory_mb, rates
 from benchmarks.report import show
 from benchmarks.startup import Start, run_command
 from benchmarks.training import environment_flop, train_flop, trainer_flop
+from cruise.adapters import races
 from cruise.config import PPOConfig
 from cruise.presets import TRACKS, VEHICLES
 from cruise.training.experience import ACTIVE
 from cruise.training.trainer import Trainer
+from tests.adapters import quick
 from tests.training.runs import TINY
 
 KEYS = {
@@ -112,6 +114,7 @@ def test_as_many_races_as_memory_lets(monkeypatch):
 @pytest.mark.parametrize("interface", INTERFACES)
 def test_interfaces_are_stepped_as_often_as_is_said(interface, monkeypatch):
     """Every step of every drone is in the unit; the races go on from call to call."""
+    monkeypatch.setattr(races, "fly_step", quick.fly_step)
     case = InterfaceCase(interface, races=3, drones=2, steps=4)
     assert case.work == (3 if interface.endswith("vector") else 1) * 2 * 4
     before = np.asarray(case.env._races.state.step).copy()

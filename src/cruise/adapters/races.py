@@ -51,13 +51,6 @@ class Races:
         """The races as they are, on the device. Raises CruiseError before the first reset."""
         return self._running().state
 
-    @property
-    def observation_size(self) -> int:
-        """O."""
-        env = self.setup.env
-        shape: tuple[int, ...] = jax.eval_shape(lambda key: env.observe(env.reset(key)), jax.random.key(0)).shape
-        return shape[0]
-
     def reset(
         self, seeds: Sequence[int] | None = None, mask: np.ndarray | None = None, start: "StandingStart | None" = None
     ) -> Stepped:

@@ -75,8 +75,9 @@ class Cockpit:
         else:
             actions = np.zeros((len(wanted), self._size), np.float32)
             for row, view in self._lookout.one_by_one(views, wanted):
+                ask = self._of_row(row, view.time)
                 with self._in_time(view.drone, view.time, self.pilot.budget):
-                    answer = self._of_row(row, view.time)(view)
+                    answer = ask(view)
                 actions[row] = self._checked(answer, (self._size,), view.drone, view.time)
         return actions.reshape(len(self.drones), -1, self._size)
 
@@ -149,8 +150,8 @@ class Cockpit:
 
 
 def _too_slow(budget: float, took: float | None = None) -> str:
-    needed = "was not done within" if took is None else f"took {1e3 * took:.3g} ms, more than"
-    return f"{needed} its budget of {1e3 * budget:.3g} ms; give it more with --budget-ms, or make it faster"
+    needed = "was not done within" if took is None else f"took {1e3 * took:.6g} ms, more than"
+    return f"{needed} its budget of {1e3 * budget:.6g} ms; give it more with --budget-ms, or make it faster"
 
 
 def _short(value: Any) -> str:
