@@ -227,14 +227,13 @@ def test_races_may_begin_with_drones_that_differ() -> None:
     def heavier(key: jax.Array, shape: tuple[int, ...]) -> Parameters:
         return Parameters(mass=RACER.mass * jax.random.uniform(key, shape, minval=1.0, maxval=1.5))
 
-    env = make_race_env(RING, 3, RACER, "body", perturb=heavier)
-    state = env.reset(jax.random.key(4), (RACES,))
-    np.testing.assert_array_equal(
-        state.drones.position_w, race_env(3).reset(jax.random.key(4), (RACES,)).drones.position_w
-    )
+    env = make_race_env(RING, 2, RACER, "body", perturb=heavier)
+    state = quick_jit(env.reset, static_argnums=1)(jax.random.key(4), (RACES,))
+    usual = race_env(2).reset(jax.random.key(4), (RACES,))
+    np.testing.assert_array_equal(state.drones.position_w, usual.drones.position_w)
     mass = np.asarray(state.drones.parameters.mass)
-    assert len(np.unique(mass)) == 3 * RACES
-    hover = jnp.zeros((4, 3, RACES)).at[0].set(2 * 9.81 / RACER.agility - 1)
+    assert len(np.unique(mass)) == 2 * RACES
+    hover = jnp.zeros((4, 2, RACES)).at[0].set(2 * 9.81 / RACER.agility - 1)
     after, _ = quick_jit(env.step)(state, hover, RULES)
     np.testing.assert_array_equal(after.drones.parameters.mass, mass)
     np.testing.assert_allclose(after.drones.velocity_w[2], -9.81 * 0.02 * (1 - RACER.mass / mass), atol=2e-3)

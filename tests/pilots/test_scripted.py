@@ -35,21 +35,14 @@ def test_hover_stays_where_it_started():
     assert len(flight.action) == 300
 
 
-@pytest.mark.parametrize("track", TRACKS)
-def test_chaser_flies_a_racer(track):
+def test_chaser_flies_a_racer():
     """Faster than the paper's vehicle can, through every gate."""
-    flight = fly_alone("chaser", track, laps=2, steps=1500, vehicle="racer")
+    flight = fly_alone("chaser", "figure-eight", laps=2, steps=1500, vehicle="racer")
     assert flight.finished[-1].all()
     assert not flight.crossing.missed.any()
     assert flight.action.shape[1] == 4
     speed = np.linalg.norm(flight.velocity_w, axis=1)[flight.airborne]
     assert 4 < speed.mean() < 7
-
-
-def test_hover_holds_a_crazyflie():
-    flight = fly_alone("hover", "ring", laps=1, steps=200, vehicle="crazyflie")
-    assert flight.airborne.all()
-    assert np.abs(flight.position_w - flight.position_w[0]).max() < 0.05
 
 
 def test_for_the_papers_vehicle_they_are_what_they_are():

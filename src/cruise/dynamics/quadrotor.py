@@ -1,5 +1,6 @@
 """A quadrotor flown by collective thrust and body rates: rate loop, mixer, rotors, drag, delay, battery, body."""
 
+from functools import partial
 from typing import Any, NamedTuple
 
 import jax
@@ -37,6 +38,67 @@ class Setpoint(NamedTuple):
     rates_b: quaternion.Three  # [rad/s]
 
 
+def make_quadrotor(vehicle: Vehicle) -> Dynamics:
+    """The vehicle as pure functions; `docs/vehicles.md` has its equations."""
+    airframe = _airframe(vehicle)
+    return Dynamics(
+        ACTION_SIZE,
+        vehicle.control_dt,
+        init=partial(standing, vehicle),
+        step=partial(step, vehicle),
+        euler=lambda state: quaternion.to_euler(_attitude(state)),
+        proprioception=partial(proprioception, airframe),
+        rotation=rotation,
+        internal=partial(internal, airframe),
+        track=partial(track, vehicle),
+        action_frame="body",
+        induced_air=partial(induced_air, airframe) if airframe.downwash else None,
+    )
+
+
+def standing(vehicle: Vehicle, position_w: Array, heading: Array, parameters: Parameters = AS_BUILT) -> DroneState:
+    """A drone that hovers at a place, level, facing `heading` [rad], its battery full."""
+    airframe = _airframe(vehicle)
+    zero, one = jnp.zeros_like(position_w), jnp.ones_like(position_w[:1])
+    body = FreeBody(position_w, zero, quaternion.from_heading(heading), zero)
+    wrench = jnp.concatenate([vehicle.mass * vehicle.gravity * one, zero])
+    hovering = jnp.concatenate([(2 * vehicle.gravity / vehicle.agility - 1) * one, zero])
+    kept = commands_to_keep(max(airframe.delay, airframe.longest_delay), vehicle.control_dt)
+    commands = jnp.broadcast_to(hovering, (kept, *hovering.shape))
+    return DroneState(body, Memory(wrench, commands, one[0] if airframe.battery else None), parameters)
+
+
+def step(
+    vehicle: Vehicle,
+    state: DroneState,
+    action: Float[Array, "4 *B"],
+    agility: Array | float,
+    air_w: Array | None = None,
+) -> DroneState:
+    """One control step: `substeps` times the rate loop looks, the rotors follow and the body moves.
+
+    The components of the body are apart in the loop, because XLA fuses them so.
+    """
+    airframe, memory, physics = _airframe(vehicle), state.memory, physics_of(vehicle, state.parameters)
+    assert isinstance(state.body, FreeBody)
+    action = jnp.clip(action, -1.0, 1.0)
+    asked = [setpoint(airframe, command, agility) for command in (action, *memory.commands)]
+    share, charge = _sag(vehicle, memory)
+    dt = vehicle.control_dt / vehicle.substeps
+    lag = lag_over(dt, physics.rotor_lag)
+    flight = Flight(vehicle, physics, physics.thrust_gain * share, _air(physics, air_w))
+
+    def substep(i: Any, carry: tuple[FreeBody, Demand]) -> tuple[FreeBody, Demand]:
+        return flight.advance(*carry, _in_effect(asked, physics.delay, i * dt, vehicle.control_dt, dt), lag, dt)
+
+    thrust, *torque = memory.wrench
+    start = (FreeBody(*(tuple(vector) for vector in state.body)), Demand(thrust, tuple(torque)))
+    end, wrench = jax.lax.fori_loop(0, vehicle.substeps, substep, start)
+    body = _above_ground(FreeBody(*(jnp.stack(list(vector)) for vector in end)))
+    commands = jnp.concatenate([action[None], memory.commands[:-1]])
+    return DroneState(body, Memory(jnp.stack([wrench.thrust, *wrench.torque]), commands, charge), state.parameters)
+
+
 def setpoint(airframe: Airframe, action: Float[Array, "4 *B"], agility: Array | float) -> Setpoint:
     """Give c = agility (a_0 + 1) / 2 and omega = a_1..3 omega_max."""
     collective, *turns = action
@@ -56,98 +118,8 @@ def rate_loop(vehicle: Vehicle, lag: Any, asked: Setpoint, rates_b: quaternion.V
     return Demand(vehicle.mass * asked.thrust, (roll, pitch, yaw))
 
 
-def _apart(body: FreeBody) -> FreeBody:
-    """Components apart."""
-    return FreeBody(*(tuple(vector) for vector in body))
-
-
-def _together(body: FreeBody) -> FreeBody:
-    return FreeBody(*(jnp.stack(list(vector)) for vector in body))
-
-
-def make_quadrotor(vehicle: Vehicle) -> Dynamics:
-    """The vehicle as pure functions; `docs/vehicles.md` has its equations."""
-    airframe = vehicle.airframe
-    assert airframe is not None
-    dt = vehicle.control_dt / vehicle.substeps
-    kept = commands_to_keep(max(airframe.delay, airframe.longest_delay), vehicle.control_dt)
-    hover = 2 * vehicle.gravity / vehicle.agility - 1
-
-    def init(position_w: Array, heading: Array, parameters: Parameters = AS_BUILT) -> DroneState:
-        zero, shape = jnp.zeros_like(position_w), position_w.shape[1:]
-        body = FreeBody(position_w, zero, quaternion.from_heading(heading), zero)
-        one = jnp.ones(shape, position_w.dtype)
-        wrench = jnp.concatenate([vehicle.mass * vehicle.gravity * one[None], zero])
-        command = jnp.concatenate([hover * one[None], zero])
-        commands = jnp.broadcast_to(command, (kept, *command.shape))
-        return DroneState(body, Memory(wrench, commands, one if airframe.battery else None), parameters)
-
-    def step(
-        state: DroneState, action: Float[Array, "4 *B"], agility: Array | float, air_w: Array | None = None
-    ) -> DroneState:
-        body, memory, physics = state.body, state.memory, physics_of(vehicle, state.parameters)
-        assert isinstance(body, FreeBody)
-        action = jnp.clip(action, -1.0, 1.0)
-        asked = [setpoint(airframe, command, agility) for command in (action, *memory.commands)]
-        share, charge = _sag(vehicle, memory)
-        moving = Motion(vehicle, physics, physics.thrust_gain * share, _air(physics, air_w))
-        lag = lag_over(dt, physics.rotor_lag)
-
-        def substep(i: Any, carry: tuple[FreeBody, Demand]) -> tuple[FreeBody, Demand]:
-            now = _in_effect(asked, physics.delay, i * dt, vehicle.control_dt, dt)
-            return moving.advance(*carry, now, lag, dt)
-
-        start = (_apart(body), _demand(memory.wrench))
-        end, wrench = jax.lax.fori_loop(0, vehicle.substeps, substep, start)
-        commands = jnp.concatenate([action[None], memory.commands[:-1]])
-        memory = Memory(jnp.stack([wrench.thrust, *wrench.torque]), commands, charge)
-        return DroneState(_above_ground(_together(end)), memory, state.parameters)
-
-    def rotation(state: DroneState) -> Array:
-        return quaternion.rotation_matrix(_attitude(state))
-
-    def proprioception(state: DroneState) -> tuple[Array, ...]:
-        turn = rotation(state)
-        rates = state.angular_velocity_b / jnp.array(airframe.rates.highest).reshape(3, *(1,) * (turn.ndim - 2))
-        rates_w = turn[:, 0] * rates[0] + turn[:, 1] * rates[1] + turn[:, 2] * rates[2]
-        return turn[:, 2], turn[:, 0], rates_w
-
-    def internal(state: DroneState) -> Array:
-        highest = airframe.rates.highest
-        rates = [rate / limit for rate, limit in zip(state.angular_velocity_b, highest, strict=True)]
-        return jnp.concatenate([jnp.stack(rates), state.memory.commands[0]])
-
-    def track(state: DroneState, reference: Reference, agility: Array | float) -> Array:
-        demand = demanded_acceleration(vehicle.tracking, state, reference)
-        turn = rotation(state)
-        drag = airframe.drag.horizontal / vehicle.mass * state.velocity_w  # fed forward, as Faessler et al. 2018 do
-        force = (demand + drag).at[2].add(vehicle.gravity)
-        force = within_thrust(force, vehicle.gravity, agility)
-        thrust, rates = towards(force, turn, reference.heading, vehicle.tracking.attitude_gain)
-        limits = zip(rates, airframe.rates.highest, strict=True)
-        return jnp.clip(jnp.stack([2 * thrust / agility - 1, *(rate / limit for rate, limit in limits)]), -1.0, 1.0)
-
-    def induced_air(state: DroneState, airborne: Bool[Array, "N *B"]) -> Array:
-        axis = jnp.stack(list(quaternion.thrust_axis_w(_attitude(state))))
-        return induced_air_w(airframe.rotors, state.position_w, axis, state.memory.wrench[0], airborne)
-
-    return Dynamics(
-        ACTION_SIZE,
-        vehicle.control_dt,
-        init,
-        step,
-        euler=lambda state: quaternion.to_euler(_attitude(state)),
-        proprioception=proprioception,
-        rotation=rotation,
-        internal=internal,
-        track=track,
-        action_frame="body",
-        induced_air=induced_air if airframe.downwash else None,
-    )
-
-
-class Motion(NamedTuple):
-    """What one control step of flight depends on beside its state."""
+class Flight(NamedTuple):
+    """What a control step depends on beside state and action."""
 
     vehicle: Vehicle
     physics: Physics
@@ -155,25 +127,59 @@ class Motion(NamedTuple):
     air_w: Any  # [m/s], component by component, or None
 
     def advance(self, body: FreeBody, wrench: Demand, asked: Setpoint, lag: Lag, dt: float) -> tuple[FreeBody, Demand]:
-        """Body and wrench after one sub-step: the rate loop looks once, the rotors follow, the body moves."""
-        assert self.vehicle.airframe is not None
+        """Body and wrench of the rotors after one sub-step of `dt` [s]."""
         demand = rate_loop(self.vehicle, self.physics.rate_lag, asked, body.angular_velocity_b)
-        demand = jax.tree.map(stored, saturate(self.vehicle.airframe.rotors, demand))
+        demand = jax.tree.map(stored, saturate(_airframe(self.vehicle).rotors, demand))
         mean, wrench = follow(lag, wrench, demand)
-        exerted = scaled(mean, self.gain)
         derivative = make_free_derivative(self.physics, self.vehicle.gravity, self.air_w)
-        body = make_integrator(self.vehicle.integrator, derivative, dt, substeps=1)(body, exerted)
+        integrate = make_integrator(self.vehicle.integrator, derivative, dt, substeps=1)
+        body = integrate(body, scaled(mean, self.gain))
         return body._replace(attitude=quaternion.normalise(body.attitude)), wrench
+
+
+def track(vehicle: Vehicle, state: DroneState, reference: Reference, agility: Array | float) -> Float[Array, "4 *B"]:
+    """The action that follows a reference; see `cruise.dynamics.tracking`."""
+    airframe = _airframe(vehicle)
+    drag = airframe.drag.horizontal / vehicle.mass * state.velocity_w  # fed forward, as Faessler et al. 2018 do
+    force = demanded_acceleration(vehicle.tracking, state, reference) + drag
+    force = within_thrust(force.at[2].add(vehicle.gravity), vehicle.gravity, agility)
+    thrust, rates = towards(force, rotation(state), reference.heading, vehicle.tracking.attitude_gain)
+    turns = [rate / highest for rate, highest in zip(rates, airframe.rates.highest, strict=True)]
+    return jnp.clip(jnp.stack([2 * thrust / agility - 1, *turns]), -1.0, 1.0)
+
+
+def rotation(state: DroneState) -> Float[Array, "3 3 *B"]:
+    """R_WB."""
+    return quaternion.rotation_matrix(_attitude(state))
+
+
+def proprioception(airframe: Airframe, state: DroneState) -> tuple[Float[Array, "3 *B"], ...]:
+    """Up and forward of the body, and its rates over their limits, in the world."""
+    turn = rotation(state)
+    p, q, r = (rate / highest for rate, highest in zip(state.angular_velocity_b, airframe.rates.highest, strict=True))
+    return turn[:, 2], turn[:, 0], turn[:, 0] * p + turn[:, 1] * q + turn[:, 2] * r
+
+
+def internal(airframe: Airframe, state: DroneState) -> Float[Array, "7 *B"]:
+    """Body rates over their limits, and the last action."""
+    rates = [rate / highest for rate, highest in zip(state.angular_velocity_b, airframe.rates.highest, strict=True)]
+    return jnp.concatenate([jnp.stack(rates), state.memory.commands[0]])
+
+
+def induced_air(airframe: Airframe, state: DroneState, airborne: Bool[Array, "N *B"]) -> Float[Array, "3 N *B"]:
+    """Velocity of the air that the rotors of the other drones push down at each drone [m/s]."""
+    axis_w = jnp.stack(quaternion.thrust_axis_w(_attitude(state)))
+    return induced_air_w(airframe.rotors, state.position_w, axis_w, state.memory.wrench[0], airborne)
+
+
+def _airframe(vehicle: Vehicle) -> Airframe:
+    assert vehicle.airframe is not None
+    return vehicle.airframe
 
 
 def _attitude(state: DroneState) -> Float[Array, "4 *B"]:
     assert isinstance(state.body, FreeBody)
     return state.body.attitude
-
-
-def _demand(wrench: Float[Array, "4 *B"]) -> Demand:
-    thrust, *torque = wrench
-    return Demand(thrust, tuple(torque))
 
 
 def _in_effect(asked: list[Setpoint], delay: Any, elapsed: Any, control_dt: float, dt: float) -> Setpoint:
@@ -190,8 +196,7 @@ def _air(physics: Physics, air_w: Array | None) -> Any:
 
 def _sag(vehicle: Vehicle, memory: Memory) -> tuple[Array | float, Array | None]:
     """Share of their thrust that the rotors give in this step, and the battery's charge after it."""
-    airframe = vehicle.airframe
-    assert airframe is not None
+    airframe = _airframe(vehicle)
     if airframe.battery is None or memory.charge is None:
         return 1.0, None
     thrusts = rotor_thrusts(airframe.rotors, Wrench(memory.wrench[0], memory.wrench[1:]))
@@ -203,8 +208,7 @@ def _above_ground(body: FreeBody) -> FreeBody:
     """The ground stops what sinks into it; whether touching it is a crash is a matter of the rules."""
     x, y, z = body.position_w
     vx, vy, vz = body.velocity_w
-    on_ground = z <= 0
     return body._replace(
         position_w=jnp.stack([x, y, jnp.maximum(z, 0.0)]),
-        velocity_w=jnp.stack([vx, vy, jnp.where(on_ground, jnp.maximum(vz, 0.0), vz)]),
+        velocity_w=jnp.stack([vx, vy, jnp.where(z <= 0, jnp.maximum(vz, 0.0), vz)]),
     )
