@@ -9,7 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cruise.evaluation.metrics import DroneResult
+from cruise.reproduction import head_to_head
 from cruise.reproduction.head_to_head import meeting_of, places, winner
+from cruise.reproduction.plan import Job
 from cruise.storage.race_log import EventKind
 from tests.storage.logs import small_log
 
@@ -57,16 +59,14 @@ def better(one: DroneResult, other: DroneResult) -> int:
     return (key(one) > key(other)) - (key(one) < key(other))
 
 
-results = st.builds(
-    drone,
-    finish=st.sampled_from([NAN, 40.0, 41.0, 42.0]),
-    gates=st.integers(0, 3),
-    collision=st.just(""),
-) | st.builds(drone, gates=st.integers(0, 3), collision=st.just("collision_flip"))
+outcomes = st.tuples(st.sampled_from([NAN, 40.0, 41.0, 42.0]), st.integers(0, 3), st.just("")) | st.tuples(
+    st.just(NAN), st.integers(0, 3), st.just("collision_flip")
+)
 
 
-@given(st.lists(results, min_size=1, max_size=5), st.randoms())
-def test_places_follow_an_order_and_not_the_drones_numbers(drones, random):
+@given(st.lists(outcomes, min_size=1, max_size=5), st.randoms())
+def test_places_follow_an_order_and_not_the_drones_numbers(told, random):
+    drones = [drone(*outcome) for outcome in told]
     found = places(drones)
     ordered = sorted(drones, key=cmp_to_key(better))
     assert found == tuple(1 + next(i for i, other in enumerate(ordered) if better(other, d) == 0) for d in drones)
@@ -90,6 +90,26 @@ def log_of(pilots, finished, crashed, times):
         event_gate=none,
         event_other=none,
     )
+
+
+@pytest.mark.parametrize(
+    ("races", "field", "shares"),
+    [(100, 2, [50, 50]), (100, 4, [25] * 4), (45, 4, [12, 11, 11, 11]), (9, 2, [9]), (25, 4, [13, 12])],
+)
+def test_entrants_take_turns(races, field, shares, monkeypatch):
+    flown = []
+
+    def fly(match, share, seed):
+        flown.append((match, share))
+        return [small_log()] * share
+
+    monkeypatch.setattr(head_to_head, "make_match", lambda track, drones, team: team)
+    monkeypatch.setattr(head_to_head, "run_races", fly)
+    pilots = ["a", "b", "c", "d"][:field]
+    assert len(head_to_head._fly(Job("head-to-head", "ring", field, 0), pilots, races)) == races
+    assert [share for _, share in flown] == shares
+    assert [team[0] for team, _ in flown] == pilots[: len(shares)]
+    assert all(sorted(team) == pilots for team, _ in flown)
 
 
 def test_entrants_are_found_by_name_whatever_drone_they_flew():

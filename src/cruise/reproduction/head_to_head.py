@@ -21,6 +21,7 @@ from cruise.reproduction.results import FORMAT, HeadToHead, Meeting
 from cruise.reproduction.work import Step, Work
 from cruise.storage.race_log import RaceLog
 
+LEAST_PER_ORDER = 10
 TIE = 1e-6  # finish times nearer than this are equal [s]
 
 
@@ -58,17 +59,18 @@ def _entrant(work: Work, kind: str, job: Job) -> str | Pilot:
 
 
 def _fly(job: Job, field: Sequence[str | Pilot], races: int) -> list[RaceLog]:
-    """Races in which every entrant flies as every drone, equally often, give or take one; logs in order of entrants.
+    """Races in which every entrant flies as every drone, equally often, give or take one.
 
-    Lanes are drawn anew for each race and no drone is special: taking turns makes sure of it.
+    Lanes are drawn anew for each race and no drone is special: taking turns makes sure of it. Every order compiles
+    anew, so there are as many as give `LEAST_PER_ORDER` races each.
     """
     track = load_track(job.track)
+    orders = max(1, min(len(field), races // LEAST_PER_ORDER))
     logs: list[RaceLog] = []
-    for shift in range(len(field)):
+    for shift in range(orders):
         team = [field[(drone + shift) % len(field)] for drone in range(len(field))]
-        share = races // len(field) + (shift < races % len(field))
-        if share:
-            logs += run_races(make_match(track, len(team), team), share, FRESH + job.seed)
+        share = races // orders + (shift < races % orders)
+        logs += run_races(make_match(track, len(team), team), share, FRESH + job.seed)
     return logs
 
 
