@@ -117,10 +117,9 @@ def test_crashes_terminate_and_time_truncates():
     assert late[-1][4]["time"] == pytest.approx(1.0)
 
 
-@pytest.mark.parametrize("reward", ["default", "paper"])
-def test_the_components_sum_to_the_reward(reward):
+def test_the_components_sum_to_the_reward():
     races = RACES
-    env = VectorRaceEnv(races, **DUEL, reward=reward, autoreset_mode="SameStep")
+    env = VectorRaceEnv(races, **DUEL, autoreset_mode="SameStep")
     env.reset(seed=0)
     rng = np.random.default_rng(1)
     seen = set()

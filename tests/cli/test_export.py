@@ -2,12 +2,11 @@
 
 import re
 
-import numpy as np
 import pytest
 
+from cruise.cli.line_up import LineUp
 from cruise.cli.main import main
 from cruise.export.c_harness import compiler
-from cruise.storage.race_log import load_race_log
 from tests.storage.policies import write_policy
 
 
@@ -16,7 +15,7 @@ def in_a_folder_of_its_own(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
 
 
-def test_export_and_race(tmp_path, capsys):
+def test_export(tmp_path, capsys):
     write_policy(tmp_path / "duel", name="duel")
     assert main(["export", "duel", "--onnx", "out/duel.onnx", "--c", "duel.h", "--measure"]) == 0 or compiler() is None
     lines = capsys.readouterr().out.splitlines()
@@ -25,13 +24,8 @@ def test_export_and_race(tmp_path, capsys):
     if compiler() is not None:
         assert re.fullmatch(r"duel.h: \d+ kB, within .* recorded actions, [\d.]+ us an action", lines[1])
         assert "#ifndef CRUISE_DUEL_H" in (tmp_path / "duel.h").read_text()
-    flags = ["--laps", "1", "--seed", "2", "--png", "None"]
-    assert main(["race", "--pilot", "out/duel.onnx", *flags, "--log", "a.npz"]) == 0  # the track and drones it knows
-    assert main(["race", "--policy", "duel", *flags, "--log", "b.npz"]) == 0
-    ours, theirs = (load_race_log(name) for name in ("a.npz", "b.npz"))
-    assert ours.pilots.tolist() == theirs.pilots.tolist() == ["duel", "duel"]
-    length = min(len(ours.time), len(theirs.time))
-    np.testing.assert_allclose(ours.position_w[:length], theirs.position_w[:length], atol=5e-3)
+    match = LineUp(pilot=("out/duel.onnx",)).match()  # it knows its track and number of drones
+    assert (match.track.name, [pilot.name for pilot in match.team]) == ("ring", ["duel", "duel"])
 
 
 BAD = {

@@ -1,11 +1,11 @@
 """`cruise new-pilot`: what it writes flies at once, alone and among others."""
 
-import json
-
 import pytest
 
 from cruise.cli.main import main
-from cruise.storage.race_log import load_race_log
+from cruise.evaluation.matches import make_match, run_races
+from cruise.evaluation.metrics import race_result
+from cruise.presets import TRACKS
 
 
 @pytest.fixture(autouse=True)
@@ -16,12 +16,12 @@ def in_a_folder_of_its_own(tmp_path, monkeypatch):
 def test_the_template_flies_the_ring(tmp_path, capsys):
     assert main(["new-pilot", "my_pilot.py"]) == 0
     assert "cruise race --track ring --pilot my_pilot.py:Pilot" in capsys.readouterr().out
-    flags = ["--track", "ring", "--drones", "3", "--pilot", "my_pilot.py:Pilot", "--pilot", "chaser"]
-    assert main(["evaluate", *flags, "--episodes", "4", "--seed", "1", "--json"]) == 0
-    result = json.loads(capsys.readouterr().out)
-    assert result["policy"] == "my pilot,chaser,my pilot"
-    assert result["success_rate"]["mean"] == 1.0
-    assert 25 < result["flying_lap_time"]["mean"] < 29
+    match = make_match(TRACKS["ring"], 3, ["my_pilot.py:Pilot", "chaser"], laps=1)
+    assert [pilot.name for pilot in match.team] == ["my pilot", "chaser", "my pilot"]
+    logs = list(run_races(match, 4, seed=1))
+    assert all(drone.finished for log in logs for drone in race_result(log).drones)
+    for log, again in zip(logs, run_races(match, 4, seed=1), strict=True):
+        assert (log.position_w == again.position_w).all()
 
 
 def test_a_pilot_that_fails_ends_the_race_with_one_line_and_no_files(tmp_path, capsys):
@@ -39,17 +39,6 @@ def test_a_pilot_that_fails_ends_the_race_with_one_line_and_no_files(tmp_path, c
         assert output.err.count("\n") == 1
         assert output.out == ""
     assert [path.name for path in tmp_path.iterdir() if path.name != "__pycache__"] == ["bad.py"]
-
-
-def test_mixed_with_compiled_pilots_the_same_seed_is_the_same_race(capsys):
-    assert main(["new-pilot", "my_pilot.py"]) == 0
-    flags = ["--pilot", "my_pilot.py:Pilot", "--pilot", "hover", "--laps", "1", "--seed", "3", "--png", "None"]
-    for name in ("one.npz", "two.npz"):
-        assert main(["race", *flags, "--log", name]) == 0
-    one, two = (load_race_log(name) for name in ("one.npz", "two.npz"))
-    assert one.pilots.tolist() == ["my pilot", "hover"]
-    assert (one.position_w == two.position_w).all()
-    assert len(one.event_time) >= 6
 
 
 @pytest.mark.parametrize(

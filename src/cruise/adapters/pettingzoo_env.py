@@ -38,6 +38,9 @@ class ParallelRaceEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
         self.action_spaces = {agent: action_box(setup) for agent in self.possible_agents}
         self._races = Races(setup, 1, "disabled")
         self._screen = Screen(setup)
+        self._seen = np.zeros(
+            (setup.env.num_drones, *self.observation_spaces[self.possible_agents[0]].shape), np.float32
+        )
         self._begun = False
 
     def observation_space(self, agent: str) -> gymnasium.spaces.Space:
@@ -56,7 +59,7 @@ class ParallelRaceEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
         self.agents = list(self.possible_agents)
         seen = self._races.reset(None if seed is None else [seed], start=start_of(options))
         self._screen.begin()
-        self._after()
+        self._after(seen)
         return self._told(seen.observation), self._information(seen)
 
     def step(self, actions: dict[str, np.ndarray]) -> tuple[Values, Values, Values, Values, Values]:
@@ -78,13 +81,12 @@ class ParallelRaceEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
         late = {agent: bool(value) for agent, value in self._told(seen.truncated).items()}
         information = self._information(seen)
         self.agents = [agent for agent in self.agents if not (ended[agent] or late[agent])]
-        self._after()
+        self._after(seen)
         return flown, rewards, ended, late, information
 
     def state(self) -> np.ndarray:
         """What all drones see together [N O], for critics that may know everything."""
-        env = self._races.setup.env
-        return np.asarray(env.observe(self._races.state))[:, :, 0].T.ravel()
+        return self._seen.ravel()
 
     @property
     def state_space(self) -> gymnasium.spaces.Box:
@@ -128,7 +130,8 @@ class ParallelRaceEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
     def _information(self, seen: Stepped) -> Values:
         return {agent: one_of(seen.info, self.possible_agents.index(agent)) for agent in self.agents}
 
-    def _after(self) -> None:
+    def _after(self, seen: Stepped) -> None:
+        self._seen = seen.observation[0]
         if self.render_mode is None:
             return
         self._screen.follow(self._races.state)

@@ -13,7 +13,6 @@ from cruise.adapters.options import Setup
 from cruise.env.types import RaceState
 from cruise.errors import CruiseError
 from cruise.pilots.cockpit import seat
-from cruise.racing.course import pick
 from cruise.racing.grid import Start
 
 Info = dict[str, Any]  # arrays [E, L], or dictionaries of such
@@ -109,9 +108,9 @@ class StandingStart(NamedTuple):
             raise CruiseError(f"a start has positions [{drones}, 3] or [{races}, {drones}, 3], and a gate") from None
         if not (np.isfinite(position).all() and ((gate >= 0) & (gate < gates)).all()):
             raise CruiseError(f"a start has finite positions, and a gate from 0 to {gates - 1}")
-        normal = pick(setup.env.course.normal_w, jnp.asarray(gate))
-        heading = jnp.broadcast_to(jnp.arctan2(normal[1], normal[0]), (drones, races))
-        return Start(jnp.asarray(np.moveaxis(position, 0, 2).swapaxes(0, 1)), heading, jnp.asarray(gate))
+        x, y = np.asarray(setup.env.course.normal_w)[:, gate]
+        heading = np.broadcast_to(np.arctan2(y, x), (drones, races))
+        return Start(jnp.asarray(position.transpose(2, 1, 0)), jnp.asarray(heading), jnp.asarray(gate))
 
 
 def _stepped(seen: dict) -> Stepped:
