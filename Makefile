@@ -3,6 +3,7 @@
 # make sb3      installs Stable-Baselines3 with PyTorch, trains its PPO on the ring and measures it
 # make policies trains the shipped policies anew, half an hour on 2 cores
 # make check    formatting, lint, types, import layers
+# make pictures draws the pictures of the README anew
 # make viewer   builds the replay page anew from viewer/; needs npm
 # Each makes .venv first, with the versions of constraints.txt. PYTHON=... chooses the interpreter (3.11 to 3.13).
 
@@ -34,6 +35,10 @@ check: $(VENV)/.installed-dev
 
 viewer:
 	cd viewer && npm ci --silent && npm run --silent build
+
+pictures: $(VENV)/.installed
+	$(BIN)/cruise race --html None --png docs/images/race.png
+	$(BIN)/cruise race --html None --png None --seed 2 --gif docs/images/race.gif --clip 0 14
 
 # The committed page is the one that viewer/ builds.
 check-viewer:

@@ -8,6 +8,7 @@ import pytest
 
 import cruise
 from cruise.errors import CruiseError
+from tests.storage.logs import small_log
 
 PILOTS = ["chaser", "hover"]
 
@@ -41,3 +42,13 @@ def test_make_env():
         cruise.make_env(vehicle="kite")
     with pytest.raises(CruiseError, match="drones must be from 1 to 64, got 0"):
         cruise.make_env(drones=0)
+
+
+def test_replay(tmp_path):
+    log = small_log()
+    assert cruise.replay(log, tmp_path / "one.html") == tmp_path / "one.html"
+    cruise.replay([log, log], tmp_path / "two.html", labels=["before", "after"])
+    page = (tmp_path / "two.html").read_text()
+    assert page.count('"label":"before"') == page.count('"label":"after"') == 1
+    with pytest.raises(CruiseError, match="a replay needs at least one race and a label for each, got 0 and 0"):
+        cruise.replay([])

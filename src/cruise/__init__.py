@@ -7,7 +7,7 @@ from cruise.registration import register_when_imported
 
 if TYPE_CHECKING:
     from cruise.adapters.doors import parallel_env, vector_parallel_env
-    from cruise.api import evaluate, load_policy, load_track, make_env, race
+    from cruise.api import evaluate, load_policy, load_track, make_env, race, replay
     from cruise.api_training import train
     from cruise.errors import CruiseError
 
@@ -22,6 +22,7 @@ __all__ = [
     "make_env",
     "parallel_env",
     "race",
+    "replay",
     "train",
     "vector_parallel_env",
 ]

@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Sequence
+from pathlib import Path
 
 from cruise.config import ObservationKind, RewardWeights, Track
 from cruise.env.race_env import RaceEnv, make_race_env
@@ -13,8 +14,9 @@ from cruise.racing.track_file import load_track
 from cruise.storage.policy_file import load_policy
 from cruise.storage.race_log import RaceLog
 from cruise.vehicles import find_vehicle
+from cruise.viewer.page import write_replay
 
-__all__ = ["evaluate", "load_policy", "load_track", "make_env", "race"]
+__all__ = ["evaluate", "load_policy", "load_track", "make_env", "race", "replay"]
 
 TrackChoice = Track | str | os.PathLike[str]
 
@@ -103,6 +105,32 @@ def evaluate(
         CruiseError: what was asked for does not exist or does not go together.
     """
     return matches.evaluate(_track(track), drones, pilots, episodes, seed, vehicle)
+
+
+def replay(
+    logs: RaceLog | Sequence[RaceLog],
+    path: str | os.PathLike[str] = "race.html",
+    labels: Sequence[str] | None = None,
+) -> Path:
+    """Write a page that replays races in three dimensions, for any browser and without a network.
+
+    Args:
+        logs: a race, or several to step through.
+        path: of the HTML file.
+        labels: what tells each race from the others; by default `race 1`, `race 2` and so on.
+
+    Returns:
+        The path of the page.
+
+    Raises:
+        CruiseError: there is no race, there are not as many labels as races, or the file cannot be written.
+    """
+    races = [logs] if isinstance(logs, RaceLog) else list(logs)
+    names = [f"race {number}" for number in range(1, len(races) + 1)] if labels is None else list(labels)
+    if not races or len(names) != len(races):
+        raise CruiseError(f"a replay needs at least one race and a label for each, got {len(races)} and {len(names)}")
+    write_replay(Path(path), races, names)
+    return Path(path)
 
 
 def _track(choice: TrackChoice) -> Track:

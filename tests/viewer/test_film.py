@@ -116,12 +116,17 @@ def test_pictures_are_taken_at_the_rate(race):
         frame_times(race, 10.0, (15.0, 16.0))
 
 
-def test_gif_repeats_and_keeps_the_colours(race, small_films):
+def test_gif_repeats_and_shows_what_was_painted(race, small_films):
+    painted = list(frames(race, files.GIF_SIZE, files.GIF_RATE, (4.0, 4.8)))
     with Image.open(io.BytesIO(files.draw_gif(race, (4.0, 4.8)))) as film:
-        assert (film.format, film.size, film.n_frames, film.info["loop"]) == ("GIF", (160, 90), 10, 0)
-        assert film.info["duration"] == 80
-        film.seek(9)
-        colours = {tuple(colour) for colour in np.asarray(film.convert("RGB")).reshape(-1, 3).tolist()}
+        assert (film.format, film.size, film.n_frames, film.info["loop"]) == ("GIF", (160, 90), len(painted), 0)
+        assert film.info["duration"] == 60
+        for number, picture in enumerate(painted):
+            film.seek(number)
+            shown = np.asarray(film.convert("RGB")).astype(float)
+            assert np.abs(shown - np.asarray(picture)).mean() < 3.0
+            assert np.quantile(np.abs(shown - np.asarray(picture)), 0.99) < 30
+        colours = {tuple(colour) for colour in shown.astype(int).reshape(-1, 3).tolist()}
     assert ImageColor.getrgb(drone_colour(0)) in colours
 
 

@@ -263,7 +263,7 @@ def test_pilots_names_are_text(page):
 
 
 @pytest.mark.parametrize("scheme", ["dark", "light"])
-@pytest.mark.parametrize("size", [(390, 844), (1280, 720)])
+@pytest.mark.parametrize("size", [(390, 844), (844, 390), (1280, 720)])
 def test_everything_is_in_view_and_readable(open_page, race_file, size, scheme):
     page = open_page(f"{race_file.as_uri()}#t=4", size=size, scheme=scheme)
     assert page.state()["theme"] == scheme

@@ -60,7 +60,8 @@ def _row(course: Course, drone: int, t: float) -> tuple[Standing, float, float]:
     passed = int((course.crossings[drone] <= t).sum())
     lap = min(log.laps, max(0, (passed - 1) // log.num_gates + 1))
     finished = result.finished and result.finish_time <= t
-    status = "finished" if finished else result.fate if course.ends[drone] <= t else "flying"
+    over = min(course.ends[drone], float(log.time[-1])) <= t
+    status = "finished" if finished else result.fate if over else "flying"
     last = course.crossings[drone, passed - 1] if passed else _distance_to_first_gate(log, drone, t)
     return Standing(drone, passed, lap, NAN, status), result.finish_time if finished else np.inf, float(last)
 

@@ -1,6 +1,7 @@
 """Films as files: animated GIF by Pillow, MP4 by the ffmpeg that imageio-ffmpeg brings."""
 
 import io
+import itertools
 import tempfile
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -13,8 +14,9 @@ from cruise.storage.race_log import RaceLog
 from cruise.viewer.film import look
 from cruise.viewer.film.film import frames
 
-GIF_SIZE, GIF_RATE = (640, 360), 12.5  # a GIF counts hundredths of a second
+GIF_SIZE, GIF_RATE = (800, 450), 100 / 6  # a GIF counts hundredths of a second
 MP4_SIZE, MP4_RATE = (1280, 720), 25.0
+UNCHANGED = 255  # index of the colour that shows what was there before
 GROUND_COLOURS = 96  # of 256 in a GIF
 SHADES = np.linspace(0.0, 0.85, 11)  # of every other colour, towards the ground
 
@@ -23,21 +25,34 @@ Clip = tuple[float, float] | None
 
 def draw_gif(log: RaceLog, clip: Clip = None) -> bytes:
     """An animated picture that repeats for ever."""
-    pictures = list(frames(log, GIF_SIZE, GIF_RATE, clip))
-    palette = _shared_palette(pictures[0], log.num_drones)
-    flat = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures]
+    pictures = frames(log, GIF_SIZE, GIF_RATE, clip)
+    first = next(pictures)
+    changes = _only_changes(itertools.chain([first], pictures), _shared_palette(first, log.num_drones))
     content = io.BytesIO()
-    flat[0].save(
+    next(changes).save(
         content,
         "GIF",
         save_all=True,
-        append_images=flat[1:],
+        append_images=changes,
         duration=round(1000 / GIF_RATE),
         loop=0,
         optimize=False,
+        transparency=UNCHANGED,
         disposal=1,
     )
     return content.getvalue()
+
+
+def _only_changes(pictures: Iterable[Image.Image], palette: Image.Image) -> Iterator[Image.Image]:
+    """Every picture with what is as in the one before left transparent, which packs to a quarter."""
+    before = None
+    for picture in pictures:
+        flat = picture.quantize(palette=palette, dither=Image.Dither.NONE)
+        now = np.asarray(flat)
+        change = Image.fromarray(now if before is None else np.where(now == before, np.uint8(UNCHANGED), now), "P")
+        change.putpalette(flat.getpalette() or [])
+        yield change
+        before = now
 
 
 def _shared_palette(picture: Image.Image, drones: int) -> Image.Image:
@@ -48,7 +63,7 @@ def _shared_palette(picture: Image.Image, drones: int) -> Image.Image:
     shades = [look.mix(colour, look.GROUND, share) for share in SHADES for colour in bright]
     colours = [*ground[: 3 * GROUND_COLOURS], *(part for shade in shades for part in shade)]
     palette = Image.new("P", (1, 1))
-    palette.putpalette(colours[: 3 * 256])
+    palette.putpalette(colours[: 3 * UNCHANGED])
     return palette
 
 
