@@ -1,5 +1,7 @@
 """Rollouts are the environment stepped by hand, whatever the chunks and whoever flies."""
 
+import functools
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -109,9 +111,9 @@ def test_each_kind_of_observation_is_computed_once(env):
     paper = NeuralPilot(random_params(drones=3, observation="paper"), "paper", 3, 7.5, "paper")
     team = [*extended, paper]
     watched = env._replace(observe_as=counted)
-    carry = rollout._Carry(jax.eval_shape(env.reset, KEY), ((), (), ()), jnp.int32(0))
-    groups = rollout.crews(team)
-    _, action = jax.eval_shape(lambda carry: rollout._act(watched, groups, carry, KEY), carry)
+    groups, state = rollout.crews(team), jax.eval_shape(env.reset, KEY)
+    act = functools.partial(rollout.act_together, watched, groups, ((), (), ()))
+    _, action = jax.eval_shape(lambda state: act(state, KEY), state)
     assert sorted(calls) == ["extended", "paper"]
     assert action.shape == (3, 3)
 
