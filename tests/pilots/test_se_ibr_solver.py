@@ -25,12 +25,12 @@ def algorithm(request):
 
 
 @pytest.fixture(scope="module")
-def programmes(algorithm):
+def programmes():
     """Of the fourth round of bunches of drones, sensitivities included, and the plan that it starts from."""
     traffic, progress = bunch(DRONES, (RACES,))
-    rounds = quick_jit(lambda t, g: best_responses(LINE, algorithm, STYLE, t, g))
-    plan = rounds(traffic, guess_of(algorithm, traffic, progress))
-    programme, _ = quick_jit(lambda t, p: linearised(LINE, algorithm, STYLE, t, p, 0.5))(traffic, plan)
+    rounds = quick_jit(lambda t, g: best_responses(LINE, Algorithm(), STYLE, t, g))
+    plan = rounds(traffic, guess_of(Algorithm(), traffic, progress))
+    programme, _ = quick_jit(lambda t, p: linearised(LINE, Algorithm(), STYLE, t, p, 0.5))(traffic, plan)
     assert np.abs(programme.reward[:, :-1]).max() > 0.01
     return programme, plan
 

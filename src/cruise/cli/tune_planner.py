@@ -39,7 +39,7 @@ class TunePlanner:
 
         if not 0 <= self.seed < 2**31:
             raise CruiseError(f"seed must be from 0 to {2**31 - 1}, got {self.seed}")
-        effort = Effort(2, 16, 4, 3, 12) if self.quick else Effort()
+        effort = Effort(2, 16, 4, 1, 12) if self.quick else Effort()
         print(f"tuning SE-IBR on {track.name}: {effort.stages} stages", flush=True)
         began = time.monotonic()
         for progress in search(track, effort, self.seed):

@@ -82,10 +82,12 @@ def make_centre_line(track: Track) -> CentreLine:
 
 def _corridor(track: Track, s: np.ndarray, gate_progress: np.ndarray, length: float) -> np.ndarray:
     """[2, M] half sizes: a gate's opening at the gate, `HALF_CORRIDOR` away from all gates, smooth between."""
-    away = np.abs((s[:, None] - gate_progress + length / 2) % length - length / 2)
-    nearest = away.argmin(axis=1)
-    opening = np.array([[gate.width / 2, gate.height / 2] for gate in track.gates])[nearest].T
-    blend = 0.5 - 0.5 * np.cos(np.pi * np.clip(away.min(axis=1) / NARROWS, 0.0, 1.0))
+    gates = len(gate_progress)
+    around = np.concatenate([gate_progress[-1:] - length, gate_progress, gate_progress[:1] + length])
+    after = np.searchsorted(around, s, side="right")
+    nearest = after - (s - around[after - 1] < around[after] - s)
+    opening = np.array([[gate.width / 2, gate.height / 2] for gate in track.gates])[(nearest - 1) % gates].T
+    blend = 0.5 - 0.5 * np.cos(np.pi * np.clip(np.abs(s - around[nearest]) / NARROWS, 0.0, 1.0))
     return (opening + blend * (HALF_CORRIDOR - opening)).astype(np.float32)
 
 

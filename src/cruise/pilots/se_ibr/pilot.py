@@ -34,6 +34,11 @@ class PlannerMemory(NamedTuple):
     age: Int[Array, ""]  # control steps since it was made
 
 
+def _traced(style: Style | Setting) -> Style | Setting:
+    """A style as arrays, so that another one compiles nothing."""
+    return Style(*(jnp.asarray(value, jnp.float32) for value in style)) if isinstance(style, Style) else style
+
+
 class SeIbrPilot(eqx.Module):
     """Sensitivity-enhanced iterative best response (Wang, Taubner and Schwager, 2020) for any number of drones.
 
@@ -41,7 +46,7 @@ class SeIbrPilot(eqx.Module):
     does, and flies its own part of the plan. `docs/se-ibr.md` describes the game.
     """
 
-    style: Style | Setting  # a setting, or numbers or arrays that broadcast over [N, *B]
+    style: Style | Setting = eqx.field(converter=_traced)  # numbers, or arrays that broadcast over [N, *B]; or by name
     name: str = eqx.field(static=True, default="se-ibr")
     algorithm: Algorithm = eqx.field(static=True, default=Algorithm())
     agility: float = eqx.field(static=True, default=7.5)
