@@ -2,7 +2,7 @@
 
 from cruise.report.tables import Entry, Number
 from cruise.reproduction.evidence import Evidence
-from cruise.reproduction.pooling import Pooled
+from cruise.reproduction.pooling import Pooled, Summary
 
 NOT_RUN = "not run"
 INTERVALS = (
@@ -16,6 +16,16 @@ def number(pooled: Pooled | None, factor: float = 1.0, digits: int = 2) -> Entry
     if pooled is None:
         return NOT_RUN
     return Number(factor * pooled.mean, factor * pooled.low, factor * pooled.high, digits)
+
+
+def quantity(summary: Summary | None, name: str, factor: float = 1.0, digits: int = 2) -> Entry:
+    """One of a summary's quantities."""
+    return number(None if summary is None else getattr(summary, name), factor, digits)
+
+
+def seeds(summary: Summary | None) -> str:
+    """How many a summary is over."""
+    return str(len(summary.seeds)) if summary else "0"
 
 
 def note(evidence: Evidence, text: str) -> str:

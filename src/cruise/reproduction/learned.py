@@ -1,7 +1,6 @@
 """A learned cell: train, measure the policy of every stage and the finished one, keep what the report needs."""
 
 import dataclasses
-import shutil
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,14 +12,15 @@ from cruise.racing.track_file import load_track
 from cruise.reproduction.commands import train_command
 from cruise.reproduction.measure import FRESH, load_as, measure, thin_curve
 from cruise.reproduction.plan import DUEL, ENTRANTS, MIXED, Job, config_of
-from cruise.reproduction.results import FORMAT, Cell, StageResult
+from cruise.reproduction.results import FORMAT, Cell, Origin, StageResult
 from cruise.reproduction.work import Step, Work, settings_of
+from cruise.storage.atomic import read_bytes, write_atomically
 from cruise.training.session import CONFIG, Session, read_metrics
 from cruise.training.validation import check_config
 
 
 def make_learned(work: Work, job: Job) -> Iterator[Step]:
-    """Train, or go on training, and write the result."""
+    """Train, or go on training, and write the result. The policy of the last stage is the finished one."""
     started = time.monotonic()
     config = config_of(job, work.scale)
     check_config(config)
@@ -28,32 +28,32 @@ def make_learned(work: Work, job: Job) -> Iterator[Step]:
     for progress in session:
         yield Step("training", progress.steps, session.trainer.total_steps)
     policy = session.finish(lambda _: {})
-    stages = []
-    for number, phase in enumerate(session.trainer.phases[:-1], start=1):
-        yield Step("measuring stages", number - 1, len(session.trainer.phases))
+    measured = []
+    for number, phase in enumerate(session.trainer.phases, start=1):
+        yield Step("measuring", number - 1, len(session.trainer.phases))
         if phase.last_update > phase.first_update:
-            stages.append(_measure_stage(work, job, session, number))
-    yield Step("measuring")
-    measured = measure(make_match(session.track, job.drones, load_as(policy, job.kind)), work.scale.races, job.seed)
-    last = session.trainer.phases[-1]
+            measured.append(_measure_stage(work, job, session, number))
+    _keep(work, job, policy)
+    work.results.write(job, _cell(work, job, session, tuple(measured), work.origin(job, started)))
+
+
+def _cell(work: Work, job: Job, session: Session, stages: tuple[StageResult, ...], origin: Origin) -> Cell:
     rows = read_metrics(session.folder)
-    cell = Cell(
+    return Cell(
         format=FORMAT,
         kind=job.kind,
         track=job.track,
         drones=job.drones,
         seed=job.seed,
-        origin=work.origin(job, started),
-        measured=measured,
+        origin=origin,
+        measured=stages[-1].measured,
         steps=rows[-1]["steps"],
         training_seconds=rows[-1]["seconds"],
-        training_command=train_command(config),
+        training_command=train_command(session.config),
         config=settings_of(job, work.scale),
-        stages=(*stages, StageResult(last.number, last.stage.name, last.stage.agility, measured)),
+        stages=stages,
         curve=thin_curve(rows),
     )
-    _keep(work, job, policy)
-    work.results.write(job, cell)
 
 
 def _open(folder: Path, config: TrainConfig) -> Session:
@@ -73,9 +73,8 @@ def _keep(work: Work, job: Job, policy: Path) -> None:
     if job.kind not in ENTRANTS or job.drones not in (DUEL, MIXED):
         return
     target = work.results.policy_of(job)
-    target.parent.mkdir(parents=True, exist_ok=True)
     for ending in (".safetensors", ".json"):
-        shutil.copyfile(policy.with_suffix(ending), target.with_name(target.name + ending))
+        write_atomically(target.with_name(target.name + ending), read_bytes(policy.with_suffix(ending), "policy"))
     if job.kind == "cruise" and job.drones == MIXED and job.seed == work.scale.seeds[0]:
         match = make_match(load_track(job.track), job.drones, load_as(policy, job.kind))
         next(run_races(match, 1, FRESH + job.seed)).save(work.results.race_of(job))

@@ -61,8 +61,8 @@ def _controller(evidence: Evidence) -> Point:
         printed = min(lap for (t, kind, _), (lap, *_) in TABLES.items() if t == track and kind == "cruise" and lap)
         limit = FREE.lap(track)
         return (
-            f"the fastest possible lap is {limit:.1f} s; the paper's best, {printed:.1f} s, reaches "
-            f"{limit / printed:.0%} of that pace and CRUISE here {limit / summary.lap.mean:.0%}"
+            f"the fastest possible lap is {limit:.1f} s; the paper's best, nominally {printed:.1f} s, reaches "
+            f"{100 * limit / printed:.0f} % of that pace and CRUISE here {100 * limit / summary.lap.mean:.0f} %"
         )
 
     return Point(

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from cruise.presets import CURRICULUM, TRACKS
 from cruise.report.tables import Entry, Number, Table
-from cruise.reproduction.entries import INTERVALS, NOT_RUN, note, number
+from cruise.reproduction.entries import INTERVALS, NOT_RUN, note, number, quantity, seeds
 from cruise.reproduction.evidence import Evidence
 from cruise.reproduction.meeting_tables import duel_table, field_table
 from cruise.reproduction.plan import ABLATION_DRONES, ABLATIONS, KINDS, make_plan
@@ -47,35 +47,25 @@ def performance_table(evidence: Evidence, track: str) -> Table:
 
 def _performance(evidence: Evidence, track: str, drones: int, kind: str) -> tuple[Entry, ...]:
     summary, printed = evidence.summary(kind, track, drones), TABLES.get((track, kind, drones))
-    s = summary or _Missing()
     return (
         str(drones),
         KINDS[kind].title,
         _printed(printed, "lap"),
-        number(s.nominal_lap),
-        number(s.lap),
+        quantity(summary, "nominal_lap"),
+        quantity(summary, "lap"),
         _printed(printed, "speed"),
-        number(s.speed),
+        quantity(summary, "speed"),
         NOT_PRINTED if printed is None else f"{printed.success:g}",
-        number(s.success, 100, 1),
-        number(s.all_success, 100, 1),
-        str(len(s.seeds)),
+        quantity(summary, "success", 100, 1),
+        quantity(summary, "all_success", 100, 1),
+        seeds(summary),
     )
 
 
-class _Missing:
-    """A summary of nothing."""
-
-    seeds = ()
-
-    def __getattr__(self, name: str) -> None:
-        return None
-
-
-def _printed(printed: Printed | None, quantity: str) -> str:
+def _printed(printed: Printed | None, name: str) -> str:
     if printed is None:
         return NOT_PRINTED
-    mean, std = getattr(printed, quantity), getattr(printed, f"{quantity}_std")
+    mean, std = getattr(printed, name), getattr(printed, f"{name}_std")
     return "N/A" if mean is None else f"{mean:.1f} ± {std:.1f}"
 
 
@@ -86,9 +76,13 @@ def stage_table(evidence: Evidence) -> Table:
         for drones in evidence.scale.drones:
             stages = evidence.stages("cruise", track, drones)
             for stage in range(1, len(CURRICULUM) + 1):
-                s = stages.get(stage) or _Missing()
+                summary = stages.get(stage)
                 printed = STAGE_SPEEDS[track, drones][stage - 1]
-                measured = (number(s.air_speed), number(s.lap), number(s.success, 100, 1))
+                measured = (
+                    quantity(summary, "air_speed"),
+                    quantity(summary, "lap"),
+                    quantity(summary, "success", 100, 1),
+                )
                 rows.append((track, str(drones), str(stage), f"{printed:.2f}", *measured))
     return Table(
         "stages",
@@ -121,9 +115,13 @@ def ablation_table(evidence: Evidence) -> Table:
 
 
 def _ablation(summary: Summary | None) -> tuple[Entry, ...]:
-    s = summary or _Missing()
-    quantities = (number(s.success, 100, 1), number(s.speed), number(s.lap), number(s.collisions))
-    return (*quantities, str(len(s.seeds)))
+    quantities = (
+        quantity(summary, "success", 100, 1),
+        quantity(summary, "speed"),
+        quantity(summary, "lap"),
+        quantity(summary, "collisions"),
+    )
+    return (*quantities, seeds(summary))
 
 
 def limit_table(evidence: Evidence) -> Table:
