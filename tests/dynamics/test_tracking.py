@@ -9,9 +9,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from cruise.config import Control
-from cruise.dynamics import DroneState, Reference, make_dynamics
+from cruise.dynamics import DroneState, Reference
 from cruise.dynamics.tracking import towards, within_thrust
-from cruise.errors import CruiseError
 from cruise.vehicles import VEHICLES
 from tests.dynamics.quadrotors import RACER, dynamics_of, random_attitudes, state_of
 from tests.helpers import quick_jit
@@ -119,11 +118,6 @@ def test_an_acceleration_reference_is_scaled_by_agility() -> None:
     expected = own.step(state, own.track(state, reference, 10.0), 10.0)
     got = flown.step(state, jnp.array([0.5, 0.0, -0.2]), 10.0)
     jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, atol=1e-6), got, expected)
-
-
-def test_the_paper_vehicle_takes_no_body_rates() -> None:
-    with pytest.raises(CruiseError, match="vehicle 'paper' has no airframe that follows thrust and body rates"):
-        make_dynamics(replace(VEHICLES["paper"], control="ctbr"))
 
 
 @pytest.mark.parametrize("name", ["paper", "racer"])

@@ -2,6 +2,7 @@
 
 from cruise.config import Vehicle
 from cruise.dynamics.cascade import make_cascade
+from cruise.dynamics.checks import check_vehicle
 from cruise.dynamics.parameters import Parameters
 from cruise.dynamics.quadrotor import make_quadrotor
 from cruise.dynamics.references import with_control
@@ -14,7 +15,8 @@ def make_dynamics(vehicle: Vehicle) -> Dynamics:
     """Pure functions of a vehicle; integrator, controller and the meaning of an action are chosen here, once.
 
     Raises:
-        CruiseError: the vehicle cannot be flown by what its actions are said to mean.
+        CruiseError: a number of the vehicle makes no sense, or it cannot be flown by what its actions are said to mean.
     """
+    check_vehicle(vehicle)
     dynamics = make_cascade(vehicle) if vehicle.airframe is None else make_quadrotor(vehicle)
     return with_control(vehicle, dynamics)

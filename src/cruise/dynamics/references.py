@@ -6,7 +6,6 @@ from jaxtyping import Array, Float
 from cruise.config import Tracking, Vehicle
 from cruise.dynamics.tracking import demanded_acceleration, demanded_velocity
 from cruise.dynamics.types import DroneState, Dynamics, Reference
-from cruise.errors import CruiseError
 
 REFERENCE_SIZE = 3
 
@@ -50,16 +49,7 @@ def _velocity(tracking: Tracking, state: DroneState, reference: Reference) -> Fl
 
 
 def with_control(vehicle: Vehicle, dynamics: Dynamics) -> Dynamics:
-    """The vehicle flown by what `vehicle.control` says, through its own `track` where that is a reference.
-
-    Raises:
-        CruiseError: body rates are asked of a vehicle that has no airframe.
-    """
-    if vehicle.airframe is None and vehicle.control == "ctbr":
-        raise CruiseError(
-            f"vehicle {vehicle.name!r} has no airframe that follows thrust and body rates: its control must be "
-            "acceleration, velocity or position"
-        )
+    """The vehicle flown by what `vehicle.control` says, through its own `track` where that is a reference."""
     own = "acceleration" if vehicle.airframe is None else "ctbr"
     if vehicle.control == own:
         return dynamics
