@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 
 from cruise.config import Stage, TrainConfig
-from cruise.presets import CURRICULUM
+from cruise.presets import CURRICULA
 
 AFTER_SHARE = 0.5  # of the last stage's budget that `self_play="after"` gives to the phase with opponents
 
@@ -22,11 +22,12 @@ class Phase:
 
 def _stages(config: TrainConfig) -> list[tuple[int, Stage, bool, bool]]:
     """(number, stage, alone, self_play) in order."""
-    numbered = list(enumerate(CURRICULUM, start=1))
+    curriculum = CURRICULA[config.vehicle]
+    numbered = list(enumerate(curriculum, start=1))
     mode = config.opponents.self_play
     if config.vanilla:
-        total = sum(stage.steps for stage in CURRICULUM)
-        numbered = [(len(CURRICULUM), replace(CURRICULUM[-1], steps=total))]
+        total = sum(stage.steps for stage in curriculum)
+        numbered = [(len(curriculum), replace(curriculum[-1], steps=total))]
     if mode == "within":
         return [(k, stage, False, True) for k, stage in numbered]
     plan = [(k, stage, True, False) for k, stage in numbered]
