@@ -13,6 +13,7 @@ from cruise.cli import race as race_command
 from cruise.cli.main import main
 from cruise.cli.watch import Watch
 from cruise.errors import CruiseError
+from cruise.presets import TRACKS, VEHICLES
 from cruise.viewer import live_server, training_races
 from cruise.viewer.broadcast import BACKLOG, Broadcast
 from cruise.viewer.live_server import MOST_CONNECTIONS, LiveServer
@@ -170,12 +171,13 @@ def test_a_queue_keeps_the_newest():
 def test_training_is_the_same_when_it_is_watched(monkeypatch):
     """With pages that read and pages that do not; the races are those of the policy in training."""
     monkeypatch.setattr(training_races, "PAUSE", 0.0)
+    monkeypatch.setattr(training_races, "STATUS_EVERY", 0.0)
     trainer = tiny_trainer()
     with LiveServer("training") as server:
-        races = TrainingRaces(server.broadcast, TINY, trainer_track(), trainer_vehicle())
+        races = beside(server.broadcast)
         connections = [connect(server) for _ in range(4)]
-        seen = []
-        reader = threading.Thread(target=lambda: seen.extend(read_races(connections[0], 3)), daemon=True)
+        seen, told = [], []
+        reader = threading.Thread(target=read, args=(connections[0], seen, told), daemon=True)
         reader.start()
         for progress in trainer.run(trainer.initial_state()):
             races.offer(progress)
@@ -185,35 +187,27 @@ def test_training_is_the_same_when_it_is_watched(monkeypatch):
         races.close()
     assert bits(progress.state) == bits(whole_run()[-1].state)
     assert [race["label"] for race in seen][-1] == f"stage 5, {progress.steps / 1e6:.2f} M steps"
+    assert told[-1]["text"].startswith("Training: stage 5 Advanced III, 0.0 of 0.0 M steps; last evaluation: success")
     assert all([drone["pilot"] for drone in race["drones"]] == ["policy", "policy"] for race in seen)
 
 
-def read_races(connection, count):
-    found = []
+def read(connection, races, status):
+    """Listen until there were three races, and something was said after the last."""
     for kind, content in events(connection):
-        if kind == "race":
-            found.append(content)
-            if len(found) == count:
-                return found
-    return found
+        (races if kind == "race" else status).append(content)
+        if len(races) >= 3 and kind == "status":
+            return
 
 
-def trainer_track():
-    from cruise.presets import TRACKS
-
-    return TRACKS["ring"]
-
-
-def trainer_vehicle():
-    from cruise.presets import VEHICLES
-
-    return VEHICLES["paper"]
+def beside(broadcast):
+    """Races beside the tiny training."""
+    return TrainingRaces(broadcast, TINY, TRACKS["ring"], VEHICLES["paper"], tiny_trainer().total_steps)
 
 
 def test_no_race_of_a_training_compiles_anything_but_the_first():
     import jax
 
-    races = TrainingRaces(Broadcast(), TINY, trainer_track(), trainer_vehicle())
+    races = beside(Broadcast())
     first, last = whole_run()[0], whole_run()[-1]
     slow = races.fly(jax.tree.map(np.asarray, first.state.model), first.phase.stage.agility, 1)
     compiled = []
@@ -236,17 +230,17 @@ def test_no_race_of_a_training_compiles_anything_but_the_first():
 
 def test_a_view_that_fails_says_so_and_lets_the_training_go_on(monkeypatch):
     broadcast = Broadcast()
-    races = TrainingRaces(broadcast, TINY, trainer_track(), trainer_vehicle())
+    races = beside(broadcast)
     monkeypatch.setattr(races, "fly", lambda *_: 1 / 0)
     with broadcast.listen() as messages:
-        until(lambda: races.offer(whole_run()[0]) or not messages.empty())
-        assert b"The live view has failed: division by zero" in messages.get()
+        until(lambda: races.offer(whole_run()[0]) or not races._thread.is_alive())
+        until(lambda: b"The live view has failed: division by zero" in messages.get())
     races.offer(whole_run()[1])
     races.close()
 
 
 def test_nothing_is_flown_while_nobody_watches():
-    races = TrainingRaces(Broadcast(), TINY, trainer_track(), trainer_vehicle())
+    races = beside(Broadcast())
     for progress in whole_run():
         races.offer(progress)
     assert races._offers.empty()
@@ -255,7 +249,7 @@ def test_nothing_is_flown_while_nobody_watches():
 
 def test_watching_a_run_prints_the_address_and_ends_with_it(capsys):
     class Run:
-        config, track = TINY, trainer_track()
+        config, track, trainer = TINY, TRACKS["ring"], tiny_trainer()
 
     with Watch(watch=True).training(Run()) as offer:
         offer(whole_run()[0])

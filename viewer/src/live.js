@@ -11,9 +11,7 @@ export class Live {
     this.say("connecting", "Connecting");
     app.element("empty").textContent = WAITING;
     this.source = new EventSource(stream);
-    this.source.addEventListener("open", () =>
-      this.say("live", app.races.length ? "Live" : "Waiting for the first race"),
-    );
+    this.source.addEventListener("open", () => this.say("live", "Live"));
     this.source.addEventListener("error", () => this.say("lost", "Connection lost"));
     this.source.addEventListener("race", (event) => this.#take(JSON.parse(event.data)));
     this.source.addEventListener("status", (event) => this.#status(JSON.parse(event.data)));
@@ -22,6 +20,8 @@ export class Live {
 
   #take(race) {
     const { app } = this;
+    const last = app.races.at(-1);
+    if (last && last.label === race.label && last.outcome === race.outcome) return; // told again after a lost connection
     const idle = app.race === null || (app.atEnd && app.index === app.races.length - 1);
     app.races.push(race);
     if (app.races.length > KEPT) app.races.splice(app.index === 0 ? 1 : 0, 1);
@@ -36,6 +36,7 @@ export class Live {
 
   #end({ text }) {
     this.source.close();
+    this.app.live = null;
     this.say("over", text);
   }
 

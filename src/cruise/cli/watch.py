@@ -41,7 +41,8 @@ class Watch:
 
         config, track = session.config, session.track
         with self.server(f"{track.name}, training") as server:
-            races = TrainingRaces(server.broadcast, config, track, VEHICLES[config.vehicle])
+            vehicle, steps = VEHICLES[config.vehicle], session.trainer.total_steps
+            races = TrainingRaces(server.broadcast, config, track, vehicle, steps)
             try:
                 yield races.offer
             finally:

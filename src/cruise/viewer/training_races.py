@@ -1,5 +1,6 @@
 """Races of the policy that is being trained, flown beside the training for those who watch."""
 
+import math
 import queue
 import threading
 import time
@@ -22,9 +23,11 @@ from cruise.viewer.broadcast import Broadcast
 from cruise.viewer.packing import pack_race
 
 PAUSE = 5.0  # between two races, at least [s]
-SHARE = 0.02  # of the time that races may take at most
+SHARE = 0.02  # of one core's time that races may take at most
+HELPERS = 2.0  # a race takes less than so many times what its own thread does; JAX has helpers
 LAPS = 1
-TIME_LIMIT = 40.0  # of a race [s]
+TIME_LIMIT = 25.0  # of a race [s]
+STATUS_EVERY = 1.0  # [s]
 LOOK = 0.5  # how often to look whether somebody watches [s]
 
 
@@ -34,21 +37,24 @@ class _Offer(NamedTuple):
     model: ActorCritic  # on the host
     agility: float
     label: str
-    status: str
     number: int  # of the update
 
 
 class TrainingRaces:
     """Flies a race of the current policy now and then, in a thread of its own, and publishes it.
 
-    Nothing is flown while nobody listens. A race is asked for, taken from the next update, and flown while the training
-    goes on; the pause after it is so long that races take at most `SHARE` of the time. All races share one compiled
-    program, whatever the stage.
+    Nothing is flown while nobody listens. A race is asked for, taken from the next update, and flown on the processor
+    while the training goes on; the pause after it is so long that races take at most `SHARE` of a core. All races share
+    one compiled program, whatever the stage.
     """
 
-    def __init__(self, broadcast: Broadcast, config: TrainConfig, track: Track, vehicle: Vehicle) -> None:
+    def __init__(
+        self, broadcast: Broadcast, config: TrainConfig, track: Track, vehicle: Vehicle, total_steps: int
+    ) -> None:
         """Start to wait for listeners."""
         self.broadcast, self.config, self.track, self.vehicle = broadcast, config, track, vehicle
+        self.total_steps = total_steps
+        self._told, self._score = -math.inf, ""
         self.env = make_race_env(track, config.drones, vehicle, config.observation, config.reward)
         self._asked, self._stopped = threading.Event(), threading.Event()
         self._offers: queue.SimpleQueue[_Offer | None] = queue.SimpleQueue()
@@ -56,20 +62,33 @@ class TrainingRaces:
         self._thread.start()
 
     def offer(self, progress: Progress) -> None:
-        """Take notice of an update: nearly always nothing but a look at a flag."""
+        """Take notice of an update: nearly always nothing but a look at the clock and a flag."""
+        self._tell(progress)
         if not self._asked.is_set():
             return
         self._asked.clear()
-        phase, steps = progress.phase, progress.steps
+        phase = progress.phase
         self._offers.put(
             _Offer(
                 model=jax.tree.map(np.asarray, progress.state.model),
                 agility=phase.stage.agility,
-                label=f"stage {phase.number}, {steps / 1e6:.2f} M steps",
-                status=f"training: stage {phase.number} {phase.stage.name}, {steps / 1e6:.2f} M steps",
+                label=f"stage {phase.number}, {progress.steps / 1e6:.2f} M steps",
                 number=int(progress.state.updates),
             )
         )
+
+    def _tell(self, progress: Progress) -> None:
+        """Say where the training stands, once in a while."""
+        score, now = progress.score, time.monotonic()
+        if score is not None:
+            lap = "" if math.isnan(score.lap_time) else f", lap {score.lap_time:.2f} s"
+            self._score = f"; last evaluation: success {score.success:.0%}{lap}"
+        if now - self._told < STATUS_EVERY:
+            return
+        self._told = now
+        steps = f"{progress.steps / 1e6:.1f} of {self.total_steps / 1e6:.1f} M steps"
+        stage = f"stage {progress.phase.number} {progress.phase.stage.name}"
+        self.broadcast.publish("status", {"text": f"Training: {stage}, {steps}{self._score}"})
 
     def close(self) -> None:
         """Fly no more."""
@@ -92,19 +111,19 @@ class TrainingRaces:
             offer = self._offers.get()
             if offer is None:
                 return
-            started = time.monotonic()
-            self._publish(offer)
-            spent = time.monotonic() - started
+            started = time.thread_time()
+            log = self.fly(offer.model, offer.agility, offer.number)
+            self.broadcast.publish("race", pack_race(log, offer.label))
+            spent = HELPERS * (time.thread_time() - started)
             self._stopped.wait(max(PAUSE, spent / SHARE) if compiled else PAUSE)
             compiled = True
 
-    def _publish(self, offer: _Offer) -> None:
-        race = pack_race(self.fly(offer.model, offer.agility, offer.number), offer.label)
-        self.broadcast.publish("race", race)
-        self.broadcast.publish("status", {"text": offer.status})
-
     def fly(self, model: ActorCritic, agility: float, seed: int) -> RaceLog:
         """One race of a model against itself, from a random start, under the rules of a real race."""
+        with jax.default_device(_processor()):
+            return self._fly(model, agility, seed)
+
+    def _fly(self, model: ActorCritic, agility: float, seed: int) -> RaceLog:
         pilot = NeuralPilot(
             params=jax.tree.map(jnp.asarray, model),
             observation=self.config.observation,
@@ -120,3 +139,11 @@ class TrainingRaces:
         flight = fly(self.env, (pilot,) * self.config.drones, rules, jax.random.key(seed), steps, (1,))
         names = (pilot.name,) * self.config.drones
         return race_logs(flight, RaceInfo(self.track, LAPS, self.vehicle.name, distance, names))[0]
+
+
+def _processor() -> jax.Device | None:
+    """Where races are flown: not where the training has its own to do, if that is elsewhere."""
+    try:
+        return jax.local_devices(backend="cpu")[-1]
+    except RuntimeError:  # JAX was told to leave the processor alone
+        return None

@@ -112,7 +112,7 @@ export class Timeline {
     context.strokeStyle = line;
     context.fillStyle = muted;
     context.textAlign = "right";
-    const step = [1, 2, 5, 10, 20].find((size) => race.topSpeed / size <= 3.5) ?? 50;
+    const step = [1, 2, 5, 10, 20].find((size) => race.topSpeed / size <= 4.5) ?? 50;
     for (let speed = 0; speed <= race.topSpeed; speed += step) {
       const y = Math.round(this.#y(speed)) + 0.5;
       stroke(context, [LEFT, y], [LEFT + this.width, y]);
