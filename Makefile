@@ -4,6 +4,7 @@
 # make policies trains the shipped policies anew, half an hour on 2 cores
 # make check    formatting, lint, types, import layers
 # make pictures draws the pictures of the README anew
+# make docs     builds the documentation into build/site
 # make viewer   builds the replay page anew from viewer/; needs npm
 # Each makes .venv first, with the versions of constraints.txt. PYTHON=... chooses the interpreter (3.11 to 3.13).
 
@@ -16,7 +17,7 @@ INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --co
 WORKERS ?= 2
 
 .DEFAULT_GOAL := help
-.PHONY: help race test check sb3 viewer check-viewer policies clean
+.PHONY: help race test check sb3 viewer check-viewer policies pictures docs clean
 
 help:
 	@sed -n 's/^# \(make .*\)/\1/p' Makefile
@@ -35,6 +36,9 @@ check: $(VENV)/.installed-dev
 
 viewer:
 	cd viewer && npm ci --silent && npm run --silent build
+
+docs: $(VENV)/.installed-dev
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
 pictures: $(VENV)/.installed
 	$(BIN)/cruise race --html None --png docs/images/race.png
