@@ -38,7 +38,7 @@ viewer:
 	cd viewer && npm ci --silent && npm run --silent build
 
 docs: $(VENV)/.installed-dev
-	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 
 pictures: $(VENV)/.installed
 	$(BIN)/cruise race --html None --png docs/images/race.png
