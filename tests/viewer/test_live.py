@@ -301,3 +301,14 @@ def test_the_page_shows_what_arrives(server, open_page):
     server.close("Training has finished")
     page.until("document.querySelector('#badge').innerText === 'Training has finished'")
     assert page.seek(4.0)["time"] == 4.0
+
+
+def test_a_race_is_known_before_its_first_picture(server, open_page):
+    page = open_page(server.address, allowed=(server.address,))
+    page.run("() => { window.requestAnimationFrame = () => 0 }")
+    drawn = page.run("replay.frames")
+    server.broadcast.publish("race", pack_race(circle_race(), "one"))
+    page.until("replay.state().race === 0")
+    state = page.state()
+    assert [row["drone"] for row in state["standings"]] == [state["followed"], 1]
+    assert page.run("replay.frames") <= drawn + 1  # the one that was already asked for

@@ -161,6 +161,7 @@ export class App {
     this.stage.race.clear();
     this.trails?.forEach((trail) => trail.dispose());
     this.race = race;
+    this.standings = race.standings(0); // who asks before the first picture is told of this race, not of the one before
     this.gates = new Gates(race);
     this.models = race.drones.map((drone) => new Drone(drone));
     this.trails = race.drones.map((drone) => new Trail(drone, race.topSpeed));
