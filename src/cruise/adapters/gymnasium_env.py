@@ -4,6 +4,7 @@ from typing import Any
 
 import gymnasium
 import numpy as np
+from numpy.typing import ArrayLike
 
 from cruise.adapters.options import RaceOptions, set_up
 from cruise.adapters.races import Races, StandingStart, Stepped
@@ -64,7 +65,7 @@ class RaceEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         self._after(seen)
         return seen.observation[0, 0], single(seen.info)
 
-    def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict]:
+    def step(self, action: ArrayLike) -> tuple[np.ndarray, float, bool, bool, dict]:
         """Fly one control step.
 
         Args:

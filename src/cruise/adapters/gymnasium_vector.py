@@ -5,6 +5,7 @@ from typing import Any
 
 import gymnasium
 import numpy as np
+from numpy.typing import ArrayLike
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
@@ -94,7 +95,7 @@ class VectorRaceEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         told = np.ones(self.num_envs, bool) if mask is None else mask
         return seen.observation[:, 0], masked(seen.info, told)
 
-    def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict]:
+    def step(self, actions: ArrayLike) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict]:
         """Fly one control step of every race.
 
         Args:

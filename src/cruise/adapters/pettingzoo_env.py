@@ -1,9 +1,11 @@
 """`cruise.parallel_env()`: every drone is an agent."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import gymnasium
 import numpy as np
+from numpy.typing import ArrayLike
 from pettingzoo import ParallelEnv
 
 from cruise.adapters.gymnasium_env import RENDER_MODES, start_of
@@ -62,7 +64,7 @@ class ParallelRaceEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
         self._after(seen)
         return self._told(seen.observation), self._information(seen)
 
-    def step(self, actions: dict[str, np.ndarray]) -> tuple[Values, Values, Values, Values, Values]:
+    def step(self, actions: Mapping[str, ArrayLike]) -> tuple[Values, Values, Values, Values, Values]:
         """Fly one control step.
 
         Args:
@@ -106,7 +108,7 @@ class ParallelRaceEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
         """Close the window, if there is one."""
         self._screen.close()
 
-    def _given(self, actions: dict[str, np.ndarray]) -> np.ndarray:
+    def _given(self, actions: Mapping[str, ArrayLike]) -> np.ndarray:
         """[N, A], 0 for who has left."""
         size = self._races.setup.env.dynamics.action_size
         given = np.zeros((len(self.possible_agents), size), np.float32)

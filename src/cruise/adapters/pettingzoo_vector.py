@@ -1,9 +1,11 @@
 """`cruise.vector_parallel_env(1024)`: PettingZoo's parallel interface, with arrays [E, ...] for single values."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import gymnasium
 import numpy as np
+from numpy.typing import ArrayLike
 
 from cruise.adapters.gymnasium_env import start_of
 from cruise.adapters.options import RaceOptions, set_up
@@ -55,7 +57,7 @@ class VectorParallelRaceEnv:
         infos = {agent: _of(seen.info, k) | {"active": seen.active[:, k]} for k, agent in enumerate(self.agents)}
         return self._by_agent(seen.observation), infos
 
-    def step(self, actions: dict[str, np.ndarray]) -> tuple[Values, Values, Values, Values, Values]:
+    def step(self, actions: Mapping[str, ArrayLike]) -> tuple[Values, Values, Values, Values, Values]:
         """Fly one control step of every race.
 
         Args:

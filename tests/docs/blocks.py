@@ -1,0 +1,131 @@
+"""The code blocks of the documentation, and how each kind is run: what is long in miniature, nothing passed over."""
+
+import contextlib
+import io
+import re
+import shlex
+import shutil
+import subprocess
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+from cruise.cli.main import main
+from cruise.racing.track_file import load_track, track_faults
+
+ROOT = Path(__file__).parent.parent.parent
+PAGES = ("README.md", *sorted(f"docs/{page.name}" for page in (ROOT / "docs").glob("*.md")))
+FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
+
+# Flags that make a command short. They come last, where they win.
+MINIATURE = {
+    "train": "--step-scale 0.001 --races 64 --episodes 4 --evaluation-races 8 --evaluation-steps 20",
+    "evaluate": "--episodes 2",
+    "race": "--laps 1",
+    "reproduce": "--list",
+}
+WATCHED = "--watch"  # serves until somebody stops it: tests/viewer/test_live.py does
+WITH_OTHERS = "--coordinator"  # waits for the other processes: tests/training/test_processes.py has them
+
+
+class Block(NamedTuple):
+    """A fenced block of a page."""
+
+    page: str
+    line: int
+    language: str
+    text: str
+
+
+def blocks(page: str) -> list[Block]:
+    """All of a page's, in order."""
+    text = (ROOT / page).read_text()
+    return [Block(page, text[: m.start()].count("\n") + 1, m[1], m[2]) for m in FENCE.finditer(text)]
+
+
+def run_page(page: str, folder: Path) -> None:
+    """Run a page from top to bottom in a folder of its own, as a reader in a fresh clone would."""
+    for name in ("examples", "results"):
+        (folder / name).symlink_to(ROOT / name)
+    names: dict = {"__name__": page}
+    for block in blocks(page):
+        {"python": _python, "toml": _toml, "c": _c, "": _shell}[block.language](block, folder, names)
+
+
+def _python(block: Block, folder: Path, names: dict) -> None:
+    with contextlib.redirect_stdout(io.StringIO()):
+        exec(compile(block.text, f"{block.page}:{block.line}", "exec"), names)
+
+
+def _toml(block: Block, folder: Path, names: dict) -> None:
+    path = folder / f"{tomllib.loads(block.text)['name']}.toml"
+    path.write_text(block.text)
+    assert track_faults(load_track(str(path))) == []
+
+
+def _c(block: Block, folder: Path, names: dict) -> None:
+    """The first line includes a header that a command before has written; the rest is the body of a function."""
+    include, body = block.text.split("\n", 1)
+    program = f"{include}\nint main(void) {{\n{body}\nreturn acceleration_w[2] > 1e9f;\n}}\n"
+    (folder / "block.c").write_text(program)
+    compiler = next(filter(None, map(shutil.which, ("cc", "gcc", "clang"))))
+    subprocess.run([compiler, "-std=c99", "-Wall", "-Werror", "block.c", "-lm", "-o", "block"], cwd=folder, check=True)
+    subprocess.run([folder / "block"], check=True)
+
+
+def _shell(block: Block, folder: Path, names: dict) -> None:
+    for words in _commands(block):
+        program, arguments = words[0].removeprefix(".venv/bin/"), words[1:]
+        if program == "cruise":
+            _cruise(block, arguments)
+        elif program == "make":
+            subprocess.run(["make", "-n", *arguments], cwd=ROOT, check=True, capture_output=True)
+        elif program == "pip":
+            _pip(arguments)
+        elif program == "python":
+            _module_or_script(arguments)
+        else:
+            raise AssertionError(f"{block.page}:{block.line}: no test runs {program!r}")
+
+
+def _commands(block: Block) -> Iterator[list[str]]:
+    for line in block.text.splitlines():
+        words = shlex.split(line.replace("[--json]", "--json"), comments=True)
+        if words:
+            yield words
+
+
+def _cruise(block: Block, arguments: list[str]) -> None:
+    command = arguments[0]
+    short = [word for word in arguments if word != "--open"]
+    if WATCHED in short or WITH_OTHERS in short:
+        short = [command, "--help"]
+    elif not (command == "reproduce" and "--report-only" in short):
+        short += shlex.split(MINIATURE.get(command, ""))
+    said = io.StringIO()
+    with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+        code = main(short)
+    assert code == 0, f"{block.page}:{block.line}: cruise {shlex.join(short)}: {said.getvalue()[-500:]}"
+    for flag in (word for word in arguments if word.startswith("--") and short[-1] == "--help"):
+        assert flag in said.getvalue(), f"{block.page}:{block.line}: {flag}"
+
+
+def _pip(arguments: list[str]) -> None:
+    """What is to be installed is the package with extras that it has, and pinned releases of others."""
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+    assert arguments[0] == "install"
+    for word in arguments[1:]:
+        if found := re.fullmatch(r"(?:\.|cruise-racing)\[([\w,]+)\]", word):
+            assert set(found[1].split(",")) <= set(extras), word
+        else:
+            assert word in ("-e", "-c", "constraints.txt") or "==" in word, word
+
+
+def _module_or_script(arguments: list[str]) -> None:
+    """Benchmarks and examples have tests of their own; here, that they are where the page says."""
+    if arguments[0] == "-m":
+        place = ROOT.joinpath(*arguments[1].split("."))
+        assert (place / "__main__.py").exists() or place.with_suffix(".py").exists(), arguments
+    else:
+        assert (ROOT / arguments[0]).exists(), arguments

@@ -1,0 +1,11 @@
+"""Every code block of the README and of the documentation runs."""
+
+import pytest
+
+from tests.docs.blocks import PAGES, run_page
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_every_block_of_a_page_runs(page, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    run_page(page, tmp_path)
