@@ -189,13 +189,18 @@ class PPOConfig:
     final_learning_rate: float = 1e-4  # reached linearly at the end of the run
     gamma: float = 0.99
     gae_lambda: float = 0.98
+    after_crash: Literal["restart", "nothing"] = "restart"  # the future that a crash leaves to the value function
     clip_ratio: float = 0.2
     value_weight: float = 0.5
-    entropy_weight: float = 0.005  # at the start; falls linearly to 0 at the end of the run
+    entropy_weight: float = 0.005  # of the entropy bonus, until `entropy_hold`
+    entropy_hold: float = 0.0  # share of the run after which the bonus falls, linearly
+    entropy_end: float = 1.0  # share of the run after which there is none
     max_grad_norm: float = 0.5
     hidden: tuple[int, ...] = (64, 64)
     initial_log_std: float = -0.5
     max_log_std: float = 0.0  # of the policy's Gaussian; the environment clips actions to [-1, 1]
+    caution_distance: float = 5.0  # an opponent nearer than this narrows the noise in proportion; 0: none does [m]
+    least_noise: float = 0.1  # share of the noise that caution leaves
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.stats import norm
 
+from cruise.config import PPOConfig
 from cruise.pilots.network import ActorCritic, Perceptron
 from cruise.training.types import Batch
 
@@ -34,21 +35,26 @@ def value(model: ActorCritic, observation: np.ndarray) -> np.ndarray:
     return perceptron(layers_of(model.critic), np.float64(observation))[0]
 
 
-def log_prob(mean: np.ndarray, log_std: np.ndarray, action: np.ndarray) -> np.ndarray:
-    """[B] of [A, B], by SciPy."""
-    return sum(norm(m, np.exp(s)).logpdf(a) for m, s, a in zip(mean, np.float64(log_std), action, strict=True))
+def log_prob(mean: np.ndarray, log_std: np.ndarray, action: np.ndarray, noise_scale=1.0) -> np.ndarray:
+    """[B] of [A, B], by SciPy; `noise_scale` [B] times the deviations."""
+    rows = zip(mean, np.float64(log_std), action, strict=True)
+    return sum(norm(m, np.exp(s) * np.float64(noise_scale)).logpdf(a) for m, s, a in rows)
 
 
 def advantages(
-    reward: Sequence[float], values: Sequence[float], terminated: Sequence[bool], last_value: float, gamma_lambda: tuple
+    reward: Sequence[float], values: Sequence[float], terminated: Sequence[bool], last_value: float, config: PPOConfig
 ) -> np.ndarray:
-    """GAE of one race: A_t = delta_t + gamma lambda A_{t+1}, nothing beyond a crash, `last_value` beyond the end."""
-    gamma, lam = gamma_lambda
+    """GAE of one race: A_t = delta_t + gamma lambda A_{t+1}, `last_value` beyond the end.
+
+    After a crash no more than the value of the new start, which stands in the next place, or nothing at all.
+    """
+    gamma, lam = config.gamma, config.gae_lambda
     result = np.zeros(len(reward))
     following, following_value = 0.0, float(last_value)
     for t in reversed(range(len(reward))):
         if terminated[t]:
-            following, following_value = 0.0, 0.0
+            following = 0.0
+            following_value *= config.after_crash == "restart"
         delta = float(reward[t]) + gamma * following_value - float(values[t])
         following = delta + gamma * lam * following
         result[t] = following
@@ -58,9 +64,9 @@ def advantages(
 
 def ppo(parameters: dict[str, list], batch: Batch, clip: float, weights: tuple[float, float]) -> dict[str, float]:
     """Total loss and its parts. `parameters`: actor and critic layers, log_std; `weights`: of value and entropy."""
-    observation, action, old, advantage, target = (np.float64(x) for x in batch)
+    observation, action, noise_scale, old, advantage, target = (np.float64(x) for x in batch)
     log_std = np.asarray(parameters["log_std"])
-    new = log_prob(perceptron(parameters["actor"], observation), log_std, action)
+    new = log_prob(perceptron(parameters["actor"], observation), log_std, action, noise_scale)
     ratio = np.exp(new - old)
     advantage = (advantage - advantage.mean()) / advantage.std()
     surrogate = np.minimum(ratio * advantage, np.clip(ratio, 1 - clip, 1 + clip) * advantage)

@@ -12,7 +12,7 @@ from cruise.env.types import RaceState, Rules
 from cruise.pilots.network import ActorCritic
 from cruise.training.types import TrainState
 from tests.training import reference
-from tests.training.runs import tiny_trainer
+from tests.training.runs import TINY, tiny_trainer
 
 
 class Replayed(NamedTuple):
@@ -58,22 +58,40 @@ def replay(before: TrainState, starts: RaceState, rules: Rules, alone: bool, own
         older &= ~restart
         observation = np.asarray(env.observe(races))
         opponents = {use: networks_actions(model, observation[:, 1]) for use, model in generations(before)}
+        scale = np.array([noise_scale(races, e) for e in range(older.size)])
         theirs = np.where(older, opponents[True], opponents[False])
         races, outcome = fly(env, races, np.stack([action, theirs], axis=1), rules)
-        lived.append(transition(before.model, observation[:, 0], action, outcome) | {"restarted": restart})
+        row = transition(before.model, observation[:, 0], action, scale, outcome)
+        lived.append(row | {"restarted": restart})
         races, restart = numpy_copy(races), np.asarray(outcome.terminated[0])
     columns = {name: np.stack([row[name] for row in lived]) for name in lived[0]}
     restarted = columns.pop("restarted")
-    last_value = reference.value(before.model, env.observe(races)[:, 0])
+    following = numpy_copy(races)
+    for e in np.flatnonzero(restart):
+        begin(following, starts, race=e)
+    last_value = reference.value(before.model, env.observe(following)[:, 0])
     return Replayed(columns, last_value, races, older, restarted)
 
 
-def transition(model: ActorCritic, observation: np.ndarray, action: np.ndarray, outcome) -> dict[str, np.ndarray]:
+def noise_scale(races: RaceState, race: int) -> float:
+    """Share of the noise of the active drone, by how far its nearest opponent in the air is."""
+    ppo = TINY.ppo
+    airborne = ~(races.out | races.finished)[1:, race]
+    separations = np.linalg.norm(np.diff(races.drones.body.position_w[:, :2, race], axis=1), axis=0)
+    near = separations[airborne] / ppo.caution_distance
+    return max(ppo.least_noise, min([1.0, *near]))
+
+
+def transition(
+    model: ActorCritic, observation: np.ndarray, action: np.ndarray, scale: np.ndarray, outcome
+) -> dict[str, np.ndarray]:
     """One step as `Transitions` names it."""
+    mean = reference.mean_action(model, observation)
     return {
         "observation": observation,
         "action": action,
-        "log_prob": reference.log_prob(reference.mean_action(model, observation), model.log_std, np.float64(action)),
+        "noise_scale": scale,
+        "log_prob": reference.log_prob(mean, model.log_std, np.float64(action), scale),
         "value": reference.value(model, observation),
         "reward": np.asarray(outcome.reward[0]),
         "terminated": np.asarray(outcome.terminated[0]),

@@ -33,7 +33,7 @@ def busy_state(alone: bool) -> TrainState:
 
 @functools.cache
 def collector():
-    return jax.jit(make_collect(tiny_trainer().env, TINY.episode_steps))
+    return jax.jit(make_collect(tiny_trainer().env, TINY))
 
 
 @functools.cache
@@ -64,10 +64,11 @@ def test_a_rollout_is_what_the_environment_says(alone):
         for name, expected in again.transitions.items():
             found = getattr(experience.transitions, name)
             assert found.shape == expected.shape
-            np.testing.assert_allclose(found, expected, atol=2e-3, err_msg=name)
+            rounding = 2e-3 / (TINY.ppo.least_noise if name == "log_prob" else 1.0)  # narrow noise magnifies the mean's
+            np.testing.assert_allclose(found, expected, atol=rounding, err_msg=name)
         np.testing.assert_allclose(experience.last_value, again.last_value, atol=2e-3)
         for found, expected in zip(jax.tree.leaves(after.races), jax.tree.leaves(again.races), strict=True):
-            np.testing.assert_allclose(found, expected, atol=2e-3)
+            np.testing.assert_allclose(found, expected, atol=5e-3)
         assert again.transitions["terminated"].any()
         assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves((experience.transitions, experience.metrics)))
     assert 20 < in_both(alone)[0][3].transitions["terminated"].sum() < STEPS * RACES / 4
@@ -124,13 +125,16 @@ def test_opponents_change_with_the_race_and_not_before():
     assert (np.abs(np.asarray(place) - elsewhere).max(0) > 0.01).mean() > 0.9
 
 
-def test_actions_are_the_mean_and_white_noise():
+def test_actions_are_the_mean_and_white_noise_narrower_beside_an_opponent():
     noise = []
-    for before, _, experience, _ in in_both(False):
+    for before, _, experience, again in in_both(False):
         observation, action = (np.asarray(x) for x in experience.transitions[:2])
-        for seen, flown in zip(observation, action, strict=True):
-            std = np.exp(np.float64(before.model.log_std))[:, None]
+        scales = again.transitions["noise_scale"]
+        assert TINY.ppo.least_noise <= scales.min() < 0.9
+        for seen, flown, scale in zip(observation, action, scales, strict=True):
+            std = np.exp(np.float64(before.model.log_std))[:, None] * scale
             noise.append((flown - reference.mean_action(before.model, seen)) / std)
+    assert (two_rollouts(True)[0][3].transitions["noise_scale"] == 1).all()
     noise = np.array(noise)
     assert abs(noise.mean()) < 0.05
     assert noise.std() == pytest.approx(1.0, abs=0.05)

@@ -13,7 +13,7 @@ import pytest
 from cruise.config import PPOConfig
 from cruise.pilots.network import ActorCritic
 from cruise.training.experience import Experience, log_prob
-from cruise.training.ppo import flatten, make_learn, make_optimiser
+from cruise.training.ppo import exploration_schedule, flatten, make_learn, make_optimiser
 from cruise.training.types import TrainState, Transitions
 
 STEPS, RACES, UPDATES, GAMMA = 16, 16, 150, 0.5
@@ -24,6 +24,7 @@ CONFIG = PPOConfig(
     learning_rate=1e-2,
     final_learning_rate=1e-3,
     gamma=GAMMA,
+    after_crash="nothing",
     hidden=(16, 16),
 )
 
@@ -56,7 +57,7 @@ def live(model: ActorCritic, problem: Problem, key: jax.Array) -> Experience:
     reward = problem.bonus + problem.slope * problem.observation - problem.cost * (miss**2).sum(1)
     density = jax.vmap(log_prob, in_axes=(0, None, 0))(mean, model.log_std, action)
     value = model.value(problem.observation[None])
-    transitions = Transitions(observation, action, density, value, reward, problem.terminated > 0)
+    transitions = Transitions(observation, action, jnp.ones_like(value), density, value, reward, problem.terminated > 0)
     return Experience(transitions, model.value(problem.last_observation[None]), {})
 
 
@@ -129,6 +130,15 @@ def test_a_later_reward_is_discounted():
     np.testing.assert_allclose(values_at(learned(problem), 0.0, 1.0), [GAMMA, 1.0], atol=0.03)
 
 
+def test_after_a_crash_comes_a_new_start():
+    """The same, with the first step after the second: worth 1 + gamma^2 + gamma^4 and so on there."""
+    second = (np.arange(STEPS)[:, None] + np.arange(RACES)) % 2
+    problem = Problem(np.float32(second), np.float32(1 - second[-1]), second == 1, slope=1.0)
+    worth = 1 / (1 - GAMMA**2)
+    model = learned(problem, replace(CONFIG, after_crash="restart"))
+    np.testing.assert_allclose(values_at(model, 0.0, 1.0), [GAMMA * worth, worth], atol=0.04)
+
+
 def test_a_time_limit_is_not_a_failure():
     """One point a step for ever is worth 1 / (1 - gamma), though every rollout cuts it short."""
     problem = one_step(bonus=1.0)
@@ -148,6 +158,16 @@ def test_without_a_reason_exploration_is_kept():
     model = learned(one_step(bonus=1.0))
     np.testing.assert_allclose(actions_at(model, 0.0), 0.0, atol=0.15)
     assert (np.asarray(model.log_std) > -0.6).all()
+
+
+def test_the_entropy_bonus_is_held_then_fades():
+    """Full weight up to a half of the run, none from four fifths on, a line between."""
+    schedule = exploration_schedule(replace(CONFIG, entropy_weight=0.3, entropy_hold=0.5, entropy_end=0.8), 100)
+    weights = [float(schedule(update)) for update in (0, 50, 65, 80, 99)]
+    np.testing.assert_allclose(weights, [0.3, 0.3, 0.15, 0.0, 0.0], atol=1e-6)
+    for step_down in (0.0, 1.0):  # no line at all
+        sudden = exploration_schedule(replace(CONFIG, entropy_hold=step_down, entropy_end=step_down), 100)
+        assert float(sudden(99)) == (0.0 if step_down == 0.0 else pytest.approx(CONFIG.entropy_weight))
 
 
 def test_the_entropy_bonus_fades():

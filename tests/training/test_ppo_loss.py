@@ -28,11 +28,12 @@ def a_batch(model: ActorCritic, seed: int = 0, drift: float = 0.3) -> Batch:
     rng = np.random.default_rng(seed)
     observation = rng.normal(size=(5, SAMPLES)).astype(np.float32)
     mean = reference.mean_action(model, observation)
-    action = mean + np.exp(np.float64(model.log_std))[:, None] * rng.normal(size=mean.shape)
-    old = reference.log_prob(mean, model.log_std, action) + drift * rng.normal(size=SAMPLES)
+    noise_scale = rng.uniform(0.1, 1.0, SAMPLES)
+    action = mean + np.exp(np.float64(model.log_std))[:, None] * noise_scale * rng.normal(size=mean.shape)
+    old = reference.log_prob(mean, model.log_std, action, noise_scale) + drift * rng.normal(size=SAMPLES)
     advantage, target = rng.normal(2.0, 3.0, size=(2, SAMPLES))
     advantage = (advantage - advantage.mean()) / advantage.std()  # as a minibatch has them
-    return Batch(*(jnp.asarray(x, jnp.float32) for x in (observation, action, old, advantage, target)))
+    return Batch(*(jnp.asarray(x, jnp.float32) for x in (observation, action, noise_scale, old, advantage, target)))
 
 
 def parameters_of(model: ActorCritic) -> dict[str, list]:
@@ -89,7 +90,7 @@ def test_no_gradient_where_clipped(good_ratio):
     model = a_model()
     batch = a_batch(model)
     mean = reference.mean_action(model, batch.observation)
-    now = reference.log_prob(mean, model.log_std, np.float64(batch.action))
+    now = reference.log_prob(mean, model.log_std, np.float64(batch.action), batch.noise_scale)
     good = np.arange(SAMPLES) % 2 == 0
     ratio = np.where(good, good_ratio, 1 / good_ratio)
     advantage = np.where(good, 1.0, -1.0)
@@ -106,8 +107,9 @@ def test_log_prob_is_scipys(shape):
     rng = np.random.default_rng(0)
     mean, action = rng.normal(size=(2, *shape)).astype(np.float32)
     log_std = np.float32([-2.0, 0.0, 0.7])
-    expected = reference.log_prob(np.float64(mean), log_std, np.float64(action))
-    found = log_prob(*(jnp.asarray(x) for x in (mean, log_std, action)))
+    noise_scale = rng.uniform(0.1, 1.0, shape[1:]).astype(np.float32)
+    expected = reference.log_prob(np.float64(mean), log_std, np.float64(action), noise_scale)
+    found = log_prob(*(jnp.asarray(x) for x in (mean, log_std, action, noise_scale)))
     np.testing.assert_allclose(found, expected, rtol=1e-5)
 
 

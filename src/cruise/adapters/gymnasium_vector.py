@@ -5,9 +5,9 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-from numpy.typing import ArrayLike
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
+from numpy.typing import ArrayLike
 
 from cruise.adapters.compiled import Reset
 from cruise.adapters.gymnasium_env import start_of

@@ -24,6 +24,12 @@ def make_optimiser(config: PPOConfig, total_updates: int) -> optax.GradientTrans
     return optax.chain(optax.clip_by_global_norm(config.max_grad_norm), optax.adam(schedule, eps=1e-5))
 
 
+def exploration_schedule(config: PPOConfig, total_updates: int) -> optax.Schedule:
+    """Weight of the entropy bonus by update: full, then falling linearly, then none."""
+    hold, end = (round(share * total_updates) for share in (config.entropy_hold, config.entropy_end))
+    return optax.linear_schedule(config.entropy_weight, 0.0, max(1, end - hold), hold)
+
+
 def flatten(model: ActorCritic) -> Float[Array, "P"]:
     """All parameters as one vector, which is what the optimiser sees.
 
@@ -32,24 +38,25 @@ def flatten(model: ActorCritic) -> Float[Array, "P"]:
     return ravel_pytree(model)[0]
 
 
-def advantages(experience: Experience, gamma: float, gae_lambda: float) -> Float[Array, "T E"]:
+def advantages(experience: Experience, config: PPOConfig) -> Float[Array, "T E"]:
     """Generalised advantage estimates (Schulman et al., 2016) of every race.
 
-    A crash has no future: its discount is 0. A time limit has one: it falls on the last step of a rollout, after
-    which `last_value` is the value of the final observation.
+    After a crash comes the value of the next start, or with `after_crash="nothing"` none; never what happens there. A
+    time limit falls on the last step of a rollout, after which `last_value` is the value of the final observation.
     """
     transitions = experience.transitions
-    discount = gamma * (1.0 - transitions.terminated)
+    going_on = 1.0 - transitions.terminated
+    future = going_on if config.after_crash == "nothing" else jnp.ones_like(going_on)
     values = jnp.concatenate([transitions.value, experience.last_value[None]])
-    estimate = jax.vmap(rlax.truncated_generalized_advantage_estimation, in_axes=(1, 1, None, 1), out_axes=1)
-    return estimate(transitions.reward, discount, gae_lambda, values)
+    estimate = jax.vmap(rlax.truncated_generalized_advantage_estimation, in_axes=1, out_axes=1)
+    return estimate(transitions.reward, config.gamma * future, config.gae_lambda * going_on, values)
 
 
 def make_batch(experience: Experience, config: PPOConfig) -> Batch:
     """Add advantages and value targets to the transitions."""
-    advantage = advantages(experience, config.gamma, config.gae_lambda)
+    advantage = advantages(experience, config)
     t = experience.transitions
-    return Batch(t.observation, t.action, t.log_prob, advantage, advantage + t.value)
+    return Batch(t.observation, t.action, t.noise_scale, t.log_prob, advantage, advantage + t.value)
 
 
 def ppo_loss(
@@ -57,7 +64,7 @@ def ppo_loss(
 ) -> tuple[Array, dict[str, Array]]:
     """Clipped surrogate + value error - entropy, over a minibatch, components leading, advantages standardised."""
     mean, value = model.mean_and_value(batch.observation)
-    new_log_prob = log_prob(mean, model.log_std, batch.action)
+    new_log_prob = log_prob(mean, model.log_std, batch.action, batch.noise_scale)
     log_ratio = new_log_prob - batch.log_prob
     policy_loss = rlax.clipped_surrogate_pg_loss(jnp.exp(log_ratio), batch.advantage, config.clip_ratio)
     value_loss = optax.l2_loss(value, batch.value_target).mean()
@@ -111,7 +118,7 @@ def make_learn(
     of a mesh axis, every device holds its own and the gradients are averaged.
     """
     steps_per_minibatch = config.rollout_steps // config.minibatches
-    exploration = optax.linear_schedule(config.entropy_weight, 0.0, total_updates)
+    exploration = exploration_schedule(config, total_updates)
 
     def learn(state: TrainState, experience: Experience, shuffle_key: Array) -> tuple[TrainState, dict[str, Array]]:
         batch = make_batch(experience, config)

@@ -77,7 +77,7 @@ class Trainer:
     def _make_update(self) -> Callable[[TrainState, Rules, Array], tuple[TrainState, dict[str, Array]]]:
         """Every device flies and learns from its own races; random numbers are those of all races together."""
         ppo, env = self.config.ppo, self.env
-        collect = make_collect(env, self.config.episode_steps)
+        collect = make_collect(env, self.config)
         learn = make_learn(ppo, self.optimiser, self.total_updates, AXIS)
 
         def fly_and_learn(state: TrainState, draws: Draws, rules: Rules, alone: Array, key: Array) -> tuple:

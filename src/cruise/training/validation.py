@@ -47,10 +47,14 @@ def _ppo_faults(ppo: PPOConfig) -> Iterator[str]:
     if ppo.races < ppo.rollout_steps:
         yield f"races ({ppo.races}) must be at least rollout_steps ({ppo.rollout_steps})"
     yield from _not_positive(ppo, "learning_rate", "clip_ratio", "max_grad_norm")
-    yield from _below(0, ppo, "final_learning_rate", "value_weight", "entropy_weight")
-    for name in ("gamma", "gae_lambda"):
+    yield from _below(0, ppo, "final_learning_rate", "value_weight", "entropy_weight", "caution_distance")
+    for name in ("gamma", "gae_lambda", "entropy_hold", "entropy_end", "least_noise"):
         if not 0 <= getattr(ppo, name) <= 1:
             yield f"{name} must be between 0 and 1, not {getattr(ppo, name)}"
+    if ppo.entropy_end < ppo.entropy_hold:
+        yield f"entropy_end ({ppo.entropy_end}) must not be below entropy_hold ({ppo.entropy_hold})"
+    if ppo.least_noise == 0:
+        yield "least_noise must be above 0, or a drone beside another would never try anything"
     if not ppo.hidden or not 1 <= min(ppo.hidden) <= max(ppo.hidden) <= MAX_WIDTH:
         yield f"hidden must name the width of at least one layer, each from 1 to {MAX_WIDTH}, not {ppo.hidden}"
 
