@@ -11,7 +11,7 @@ from jax.sharding import NamedSharding, PartitionSpec
 from jaxtyping import Array, Bool, Float
 
 from benchmarks.machine import available_memory_mb
-from cruise.config import ObservationKind
+from cruise.config import Gate, ObservationKind, Track
 from cruise.env.race_env import RaceEnv, make_race_env
 from cruise.env.types import RaceState, Rules, stage_rules
 from cruise.presets import CURRICULA, TRACKS, VEHICLES
@@ -49,13 +49,18 @@ class EnvironmentCase:
     """
 
     def __init__(
-        self, races: int, drones: int = 4, observation: ObservationKind | None = "extended", vehicle: str = "paper"
+        self,
+        races: int,
+        drones: int = 4,
+        observation: ObservationKind | None = "extended",
+        vehicle: str = "paper",
+        track: Track = TRACKS[TRACK],
     ) -> None:
         """Compile it; without `observation` nobody looks."""
         self.races, self.observation = races, observation
         self.steps = max(LEAST_STEPS, min(MOST_STEPS, DRONE_STEPS // (races * drones)))
         self.work = float(races * drones * self.steps)
-        self.env: RaceEnv = make_race_env(TRACKS[TRACK], drones, VEHICLES[vehicle], observation or "extended")
+        self.env: RaceEnv = make_race_env(track, drones, VEHICLES[vehicle], observation or "extended")
         self.rules: Rules = jax.tree.map(jnp.asarray, stage_rules(CURRICULA[vehicle][-1], COLLISION_DISTANCE))
         self._key = jax.random.key(races)
         self._mesh = make_mesh(choose_devices(races))
@@ -123,6 +128,15 @@ class EnvironmentCase:
 
         carried, _ = jax.lax.scan(step, carried, jnp.arange(self.steps))
         return carried
+
+
+def round_track(gates: int) -> Track:
+    """So many gates in a circle, 4 m apart, each facing along it."""
+    radius = 4.0 / (2 * math.sin(math.pi / gates))
+    angles = [2 * math.pi * k / gates for k in range(gates)]
+    placed = [Gate((radius * math.cos(a), radius * math.sin(a), 1.5), a + math.pi / 2) for a in angles]
+    reach = radius + 8.0
+    return Track(f"{gates} gates", tuple(placed), (-reach, -reach, 0.0), (reach, reach, 8.0))
 
 
 def block_size(races: int) -> int:

@@ -24,6 +24,7 @@ LINES = (
 TITLES = {
     "environment_races": "environment over races, 4 drones",
     "environment_drones": "environment over drones",
+    "environment_gates": "environment over gates, 4 drones, 4096 races",
     "environment_observations": "environment, 4 drones, 4096 races",
     "training_drones": "training over drones",
     "training_networks": "training over networks",

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
-from benchmarks.environment import TRACK, EnvironmentCase, that_fit
+from benchmarks.environment import TRACK, EnvironmentCase, round_track, that_fit
 from benchmarks.headline import DRONES, RACES, Effort, Say, roofline
 from benchmarks.machine import Case, Matmul, interleave, rates
 from benchmarks.startup import race_command, run_command, train_command
@@ -21,7 +21,8 @@ Row = dict[str, Any]
 C = TypeVar("C", bound=Case)
 
 RACES_SWEPT = (64, 256, 1024, 4096, 16_384, 65_536, 262_144)
-DRONES_SWEPT = (1, 2, 4, 8, 16)
+DRONES_SWEPT = (1, 2, 4, 8, 16, 32)
+GATES_SWEPT = (4, 8, 16, 32)
 DRONES_TRAINED = (1, 2, 3, 4)
 NETWORKS = ((32, 32), (64, 64), (128, 128), (256, 256))
 EVALUATED = 100  # races per evaluation
@@ -62,6 +63,15 @@ def environment_drones(effort: Effort, say: Say) -> list[Row]:
     """Drone-steps per second over the number of drones in a race; about as many drones in the air each time."""
     rows = [{"drones": drones, "races": RACES * DRONES // drones} for drones in DRONES_SWEPT]
     cases = _built(rows, lambda row: EnvironmentCase(row["races"], row["drones"]), "environment", say)
+    return _timed(rows, cases, "drone_steps_per_s", effort)
+
+
+def environment_gates(effort: Effort, say: Say) -> list[Row]:
+    """Drone-steps per second over the number of gates of a track."""
+    rows = [{"gates": gates} for gates in GATES_SWEPT]
+    cases = _built(
+        rows, lambda row: EnvironmentCase(RACES, DRONES, track=round_track(row["gates"])), "environment", say
+    )
     return _timed(rows, cases, "drone_steps_per_s", effort)
 
 
@@ -123,8 +133,9 @@ def _run_one(name: str, cache: Path, filled: bool) -> Row:
 
 def sweep(effort: Effort, say: Say) -> dict[str, list[Row]]:
     """Every table, by name."""
-    tables = (environment_races, environment_drones, environment_observations, training_drones, training_networks)
-    swept = {table.__name__: table(effort, say) for table in (*tables, evaluations, interfaces)}
+    of_environment = (environment_races, environment_drones, environment_gates, environment_observations)
+    tables = (*of_environment, training_drones, training_networks, evaluations, interfaces)
+    swept = {table.__name__: table(effort, say) for table in tables}
     return {**swept, "commands": commands(say)}
 
 

@@ -15,14 +15,16 @@ from rich.console import Console
 from benchmarks import environment, headline
 from benchmarks.__main__ import rounded
 from benchmarks.adapters import INTERFACES, InterfaceCase
-from benchmarks.environment import EnvironmentCase, that_fit
+from benchmarks.environment import EnvironmentCase, round_track, that_fit
 from benchmarks.machine import LEAST_ROUNDS, interleave, peak_memory_mb, rates
 from benchmarks.report import show
 from benchmarks.startup import Start, run_command
+from benchmarks.sweeps import GATES_SWEPT
 from benchmarks.training import environment_flop, train_flop, trainer_flop
 from cruise.adapters import races
 from cruise.config import PPOConfig
 from cruise.presets import TRACKS, VEHICLES
+from cruise.racing.track_file import track_faults
 from cruise.training.experience import ACTIVE
 from cruise.training.trainer import Trainer
 from tests.adapters import quick
@@ -71,6 +73,13 @@ def products(jaxpr: jax.extend.core.Jaxpr) -> int:
         else:
             total += equation.params.get("length", 1) * sum(inner)
     return total
+
+
+@pytest.mark.parametrize("gates", GATES_SWEPT)
+def test_a_round_track_of_any_length_can_be_flown(gates):
+    track = round_track(gates)
+    assert len(track.gates) == gates
+    assert track_faults(track) == []
 
 
 def test_flop_counted_against_the_program():
