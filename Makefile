@@ -4,6 +4,7 @@
 # make policies trains the shipped policies anew, half an hour on 2 cores
 # make check    formatting, lint, types, import layers
 # make pictures draws the pictures of the README anew
+# make speed    compares how fast this state and the commit before are, in turn
 # make docs     builds the documentation into build/site
 # make viewer   builds the replay page anew from viewer/; needs npm
 # Each makes .venv first, with the versions of constraints.txt. PYTHON=... chooses the interpreter (3.11 to 3.13).
@@ -17,7 +18,7 @@ INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --co
 WORKERS ?= 2
 
 .DEFAULT_GOAL := help
-.PHONY: help race test check sb3 viewer check-viewer policies pictures docs clean
+.PHONY: help race test check sb3 viewer check-viewer speed policies pictures docs clean
 
 help:
 	@sed -n 's/^# \(make .*\)/\1/p' Makefile
@@ -40,6 +41,10 @@ viewer:
 docs: $(VENV)/.installed-dev
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 
+# With the commit before, or with BASE=...
+speed: $(VENV)/.installed-dev
+	@$(BIN)/python -m benchmarks.against $(or $(BASE),HEAD~1) --rounds $(or $(ROUNDS),2)
+
 pictures: $(VENV)/.installed
 	$(BIN)/cruise race --html None --png docs/images/race.png
 	$(BIN)/cruise race --html None --png None --seed 2 --gif docs/images/race.gif --clip 0 14
@@ -57,8 +62,13 @@ policies: $(VENV)/.installed $(CELLS:%=runs/%/policy.json)
 	@for cell in $(CELLS); do for kind in safetensors json; do \
 	  cp runs/$$cell/policy.$$kind src/cruise/policies/$$cell.$$kind; done; done
 
+# One opponent leaves room for bolder learning than two or three: smaller updates, faster, with more noise for longer.
+BOLD := --races 256 --learning-rate 2e-3 --final-learning-rate 2e-4 --gae-lambda 0.95 --initial-log-std 0 \
+  --entropy-weight 0.02 --entropy-hold 0.5 --entropy-end 0.8
+
 runs/%/policy.json:
-	$(BIN)/cruise train --track $(shell echo $* | sed 's/-[0-9]*$$//') --drones $(lastword $(subst -, ,$*)) --out runs/$*
+	$(BIN)/cruise train --track $(shell echo $* | sed 's/-[0-9]*$$//') --drones $(lastword $(subst -, ,$*)) --out runs/$* \
+	  $(if $(filter %-2,$*),$(BOLD))
 
 clean:
 	rm -rf $(VENV) .jax_cache .mypy_cache .pytest_cache .ruff_cache .hypothesis

@@ -11,7 +11,7 @@ from jax.sharding import NamedSharding, PartitionSpec
 from jaxtyping import Array, Bool, Float
 
 from benchmarks.machine import available_memory_mb
-from cruise.config import Gate, ObservationKind, Track
+from cruise.config import Gate, ObservationKind, Track, TrainConfig
 from cruise.env.race_env import RaceEnv, make_race_env
 from cruise.env.types import RaceState, Rules, stage_rules
 from cruise.presets import CURRICULA, TRACKS, VEHICLES
@@ -21,7 +21,7 @@ from cruise.training.experience import ACTIVE, begin_again
 
 TRACK = "ring"
 EPISODE_STEPS = 600
-COLLISION_DISTANCE = 0.5  # as in training [m]
+COLLISION_DISTANCE = TrainConfig().collision_distance  # [m]
 MOST_STEPS, LEAST_STEPS = 64, 16  # per call
 DRONE_STEPS = 2**21  # per call, about
 STRIDE = 16  # by which the table of random actions is shifted from step to step

@@ -1,8 +1,10 @@
 """The benchmarks count and report correctly. How fast anything is, no test says."""
 
+import contextlib
 import io
 import json
 import math
+import subprocess
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,9 +14,10 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from benchmarks import environment, headline
+from benchmarks import against, environment, headline
 from benchmarks.__main__ import rounded
 from benchmarks.adapters import INTERFACES, InterfaceCase
+from benchmarks.against import RATES, Against, verdicts
 from benchmarks.environment import EnvironmentCase, round_track, that_fit
 from benchmarks.machine import LEAST_ROUNDS, interleave, peak_memory_mb, rates
 from benchmarks.report import show
@@ -183,3 +186,25 @@ def test_a_command_in_a_process_of_its_own(tmp_path: Path):
     assert peak_memory_mb() > 10
     with pytest.raises(RuntimeError, match="unknown command"):
         run_command(tmp_path, "fly")
+
+
+def test_a_slower_state_is_warned_of():
+    before = dict.fromkeys(RATES, 10.0)
+    turns = [(before, before | {"train_steps_per_s": rate}) for rate in (8.0, 8.2, 20.0)]
+    lines = verdicts(turns)
+    assert [line.split()[2] for line in lines] == ["1.00", "1.00", "0.82"]
+    assert ["WARNING: fell by more than 15%" in line for line in lines] == [False, False, True]
+    assert not any("WARNING" in line for line in verdicts([(before, dict.fromkeys(RATES, 8.6))]))
+
+
+def test_where_there_is_nothing_to_compare_with_nothing_fails(capsys, monkeypatch):
+    Against("0123abc").run()
+    assert capsys.readouterr().out == "speed    not compared: git has no commit 0123abc here\n"
+
+    def fails(tree):
+        raise subprocess.CalledProcessError(1, tree.name, "", "no such module")
+
+    monkeypatch.setattr(against, "measure", fails)
+    monkeypatch.setattr(against, "_checked_out", lambda commit: contextlib.nullcontext(against.ROOT))
+    Against("HEAD").run()
+    assert "failed: no such module" in capsys.readouterr().out
