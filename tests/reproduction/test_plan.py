@@ -98,7 +98,8 @@ def test_kinds_differ_in_what_they_are_named_for():
     assert changed("curriculum-only") == {"opponents.self_play": "off"}
     assert changed("self-play-after") == {"opponents.self_play": "after"}
     assert changed("paper-observation") == {"observation": "paper"}
-    assert {key.partition(".")[0] for key in changed("paper-reward")} == {"reward"}
+    assert {key.partition(".")[0] for key in changed("paper-reward")} == {"reward", "ppo"}
+    assert changed("paper-reward")["ppo.after_crash"] == "nothing"
     assert config_of(Job("paper-reward", "ring", 4, 0), full_scale()).reward == REWARDS["paper"]
 
 
@@ -133,7 +134,7 @@ def test_commands_say_what_differs():
         "cruise train --track ring --drones 2 --seed 0 --vanilla --step-scale 0.5 --self-play off"
     )
     preset = config_of(Job("paper-reward", "ring", 2, 0), full_scale())
-    assert train_command(preset).endswith("--seed 0 --reward-preset paper")
+    assert train_command(preset).endswith("--seed 0 --after-crash nothing --reward-preset paper")
     own = dataclasses.replace(TrainConfig(), reward=RewardWeights(w_prog=1.0))
     assert train_command(own).endswith("--seed 0 --w-prog 1.0")
 

@@ -30,6 +30,10 @@ def _self_play(mode: SelfPlayMode) -> Callable[[TrainConfig], TrainConfig]:
     return lambda config: replace(config, opponents=replace(config.opponents, self_play=mode))
 
 
+def _as_printed(config: TrainConfig) -> TrainConfig:
+    return replace(config, reward=REWARDS["paper"], ppo=replace(config.ppo, after_crash="nothing"))
+
+
 def _from_scratch(mode: SelfPlayMode, share: float = 1.0) -> Callable[[TrainConfig], TrainConfig]:
     """Stage 5 alone, for this share of the whole curriculum's steps."""
     return lambda config: replace(_self_play(mode)(config), vanilla=True, step_scale=share * config.step_scale)
@@ -71,8 +75,8 @@ _KINDS = (
     Kind(
         "paper-reward",
         "printed reward weights",
-        "CRUISE with the reward exactly as printed, the sign of the overtaking bonus included",
-        change=lambda config: replace(config, reward=REWARDS["paper"]),
+        "CRUISE with the reward exactly as printed, the sign of the overtaking bonus too, and nothing after a crash",
+        change=_as_printed,
     ),
     Kind(
         "paper-observation",
