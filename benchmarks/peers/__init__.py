@@ -1,0 +1,1 @@
+"""CRUISE beside what people use instead, on the same machine in the same run."""

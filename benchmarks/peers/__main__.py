@@ -1,0 +1,86 @@
+"""`python -m benchmarks.peers`: rates side by side, every case in turn, and how many times faster CRUISE is."""
+
+import json
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import tyro
+from rich.console import Console
+from rich.table import Table
+
+from benchmarks.environment import EnvironmentCase
+from benchmarks.headline import DRONES, RACES
+from benchmarks.machine import Case, describe_machine, interleave, rates, versions
+from benchmarks.peers.cases import (
+    PlainEnvironment,
+    sbx_on_ours,
+    stable_baselines_as_the_paper,
+    stable_baselines_on_ours,
+)
+from benchmarks.training import TrainingCase
+from cruise.cli.compilation import prepare_training
+from cruise.config import TrainConfig
+
+OURS = "CRUISE"
+ENVIRONMENT: Mapping[str, Callable[[], Case]] = {
+    OURS: lambda: EnvironmentCase(RACES, DRONES),
+    "plain NumPy, one race": PlainEnvironment,
+}
+TRAINING: Mapping[str, Callable[[], Case]] = {
+    OURS: lambda: TrainingCase(TrainConfig(drones=DRONES)),
+    "Stable-Baselines3, as the paper trained": stable_baselines_as_the_paper,
+    "Stable-Baselines3 on CRUISE's races": stable_baselines_on_ours,
+    "SBX on CRUISE's races": sbx_on_ours,
+}
+
+
+@dataclass(frozen=True)
+class Peers:
+    """How fast CRUISE and others are at the same work, on this machine, in turn."""
+
+    rounds: int = 5
+    """How often each is timed, after a first time that does not count."""
+    json: bool = False
+    """Print one JSON object instead of tables."""
+
+    def run(self) -> None:
+        """Time whatever is installed; name what is not."""
+        prepare_training()
+        found = {
+            "environment_drone_steps_per_s": compare(ENVIRONMENT, self.rounds),
+            "training_steps_per_s": compare(TRAINING, self.rounds),
+        }
+        if self.json:
+            told = {"machine": describe_machine(), "versions": versions(), "load": os.getloadavg()[0], **found}
+            print(json.dumps(told, indent=2))
+            return
+        for title, rows in found.items():
+            Console().print(table(title.replace("_", " "), rows))
+
+
+def compare(kinds: Mapping[str, Callable[[], Case]], rounds: int) -> list[dict[str, Any]]:
+    """A row per case: its rate, and how many times faster ours is; no rate where its library is missing."""
+    cases: dict[str, Case] = {}
+    for name, build in kinds.items():
+        try:
+            cases[name] = build()
+        except ImportError as missing:
+            print(f"left out: {name} ({missing.name} is not installed)")
+    per_second = rates(cases, interleave(cases, rounds, float("inf")))
+    return [
+        {"who": name, "per_s": rate, "ours_is_faster": per_second[OURS] / rate} for name, rate in per_second.items()
+    ]
+
+
+def table(title: str, rows: list[dict[str, Any]]) -> Table:
+    """A line per case."""
+    shown = Table("", "per second", "CRUISE is faster", title=title)
+    for row in rows:
+        shown.add_row(row["who"], f"{row['per_s']:,.0f}", f"{row['ours_is_faster']:,.1f} times")
+    return shown
+
+
+if __name__ == "__main__":
+    tyro.cli(Peers).run()
