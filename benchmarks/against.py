@@ -39,7 +39,7 @@ class Against:
                 print(f"speed    not compared: git has no commit {self.commit} here")
                 return
             try:
-                turns = [(measure(before), measure(ROOT)) for _ in range(self.rounds)]
+                turns = [_turn(before, ROOT, reverse=bool(turn % 2)) for turn in range(self.rounds)]
             except subprocess.CalledProcessError as failed:
                 print(f"speed    not compared: the benchmark of {failed.cmd} failed: {failed.stderr.strip()[-300:]}")
                 return
@@ -56,6 +56,13 @@ def _checked_out(commit: str) -> Iterator[Path | None]:
             return
         subprocess.run(["tar", "-x", "-C", folder], input=packed.stdout, check=True)
         yield Path(folder)
+
+
+def _turn(before: Path, now: Path, reverse: bool) -> tuple[Figures, Figures]:
+    """Both once; who comes first changes, because the second finds another machine than the first."""
+    order = (now, before) if reverse else (before, now)
+    figures = {tree: measure(tree) for tree in order}
+    return figures[before], figures[now]
 
 
 def measure(tree: Path) -> Figures:

@@ -70,9 +70,16 @@ def _fly(env: RaceEnv, pilot: NeuralPilot, key: Array) -> tuple[dict[str, Array]
         kept = (_seen(state, previous), jax.tree.map(_users, wanted), state.airborne.T)
         return (after, action), kept
 
-    start = env.reset(key, (RACES,))
+    start = _some_absent(env.reset(key, (RACES,)))
     rest = jnp.zeros((env.dynamics.action_size, env.num_drones, RACES))
     return jax.lax.scan(step, (start, rest), length=STEPS)[1]
+
+
+def _some_absent(state: RaceState) -> RaceState:
+    """In every fourth race the last drone never takes off: where nobody crashes, nobody would be missing otherwise."""
+    if len(state.out) == 1:
+        return state
+    return state._replace(out=state.out.at[-1, 1::4].set(True))
 
 
 # Compiled without LLVM's optimisations, in half the time: it runs once.

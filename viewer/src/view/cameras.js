@@ -24,6 +24,7 @@ export class Cameras {
     this.orbit.addEventListener("start", () => (this.moved = true));
     this.free = { left: 0, right: 0, top: 0, bottom: 0 }; // pixels covered by panels
     this.size = { width: 1, height: 1 };
+    this.shift = [0, 0]; // of the picture's middle, away from the panels [px]
     this.points = [];
   }
 
