@@ -16,7 +16,8 @@ from pathlib import Path
 
 import tyro
 
-ROOT = Path(__file__).parent.parent
+from benchmarks.startup import ROOT
+
 RATES = ("env_drone_steps_per_s", "env_drone_steps_per_s_100k_races", "train_steps_per_s")
 LARGEST_DROP = 0.15
 

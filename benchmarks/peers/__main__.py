@@ -1,7 +1,6 @@
 """`python -m benchmarks.peers`: rates side by side, every case in turn, and how many times faster CRUISE is."""
 
 import json
-import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -53,7 +52,7 @@ class Peers:
             "training_steps_per_s": compare(TRAINING, self.rounds),
         }
         if self.json:
-            told = {"machine": describe_machine(), "versions": versions(), "load": os.getloadavg()[0], **found}
+            told = {"machine": describe_machine(), "versions": versions(), **found}
             print(json.dumps(told, indent=2))
             return
         for title, rows in found.items():

@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 
 from benchmarks.environment import TRACK
+from benchmarks.headline import DRONES
 from benchmarks.peers.plain_race import PlainRace
-
-DRONES = 4
 
 
 class PlainEnvironment:
