@@ -62,17 +62,13 @@ policies: $(VENV)/.installed $(CELLS:%=runs/%/policy.json)
 	@for cell in $(CELLS); do for kind in safetensors json; do \
 	  cp runs/$$cell/policy.$$kind src/cruise/policies/$$cell.$$kind; done; done
 
-# One opponent leaves room for bolder learning than two or three: smaller updates, faster, with more noise for longer.
-BOLD := --races 256 --learning-rate 2e-3 --final-learning-rate 2e-4 --gae-lambda 0.95 --initial-log-std 0 \
-  --entropy-weight 0.02 --entropy-hold 0.5 --entropy-end 0.8
-
 # Of four seeds the one that flies best; and a dearer crash where 97 % of the drones finished, not 99 %.
 EXTRA.figure-eight-2 := --seed 2
 EXTRA.figure-eight-4 := --terminal -20
 
 runs/%/policy.json:
 	$(BIN)/cruise train --track $(shell echo $* | sed 's/-[0-9]*$$//') --drones $(lastword $(subst -, ,$*)) --out runs/$* \
-	  $(if $(filter %-2,$*),$(BOLD)) $(EXTRA.$*)
+	  $(EXTRA.$*)
 
 clean:
 	rm -rf $(VENV) .jax_cache .mypy_cache .pytest_cache .ruff_cache .hypothesis

@@ -3,7 +3,8 @@
 import pytest
 
 from cruise.cli.main import main
-from cruise.cli.train import Train, named_vehicle
+from cruise.cli.train import Train, named
+from cruise.config import TrainConfig
 from cruise.presets import CURRICULA, VEHICLES, training_config
 
 
@@ -26,9 +27,18 @@ def test_an_unknown_vehicle_is_refused_in_one_line(command, capsys):
 def test_the_vehicle_decides_the_defaults_of_training(capsys):
     assert Train.usual([]).config == training_config("paper")
     assert Train.usual(["--seed", "3", "--vehicle", "racer"]).config == training_config("racer")
-    assert named_vehicle(["--vehicle=crazyflie", "--seed", "1"]) == "crazyflie"
+    assert named(["--vehicle=crazyflie", "--seed", "1"], "vehicle") == "crazyflie"
     assert main(["train", "--vehicle", "racer", "--help"]) == 0
     assert "(default: body)" in " ".join(capsys.readouterr().out.split())
+
+
+def test_the_number_of_drones_decides_how_boldly_they_learn(capsys):
+    two, four = Train.usual(["--drones", "2"]).config, Train.usual(["--drones=4"]).config
+    assert (two.drones, two.ppo.races, two.ppo.entropy_hold) == (2, 256, 0.5)
+    assert four == TrainConfig()
+    assert Train.usual(["--drones", "two"]).config == four  # the parser says what is wrong with it
+    assert main(["train", "--drones", "two"]) == 2
+    assert "two" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("name", VEHICLES)

@@ -20,7 +20,14 @@ from tests.training.runs import TINY, UPDATES
 
 ENTRANTS = ("cruise", "vanilla", "se-ibr")
 SCALE = Scale(
-    "quick", TINY, races=1, seeds=(0,), tracks=("ring",), kinds=(*ENTRANTS, "head-to-head"), drones=(TINY.drones,)
+    "quick",
+    TINY,
+    races=1,
+    seeds=(0,),
+    tracks=("ring",),
+    kinds=(*ENTRANTS, "head-to-head"),
+    drones=(TINY.drones,),
+    ppo_of=lambda drones: TINY.ppo,
 )
 CRUISE = Job("cruise", "ring", TINY.drones, 0)
 

@@ -6,7 +6,7 @@ import pytest
 
 from cruise.config import RewardWeights, TrainConfig
 from cruise.errors import CruiseError
-from cruise.presets import CURRICULUM, REWARDS, TRACKS
+from cruise.presets import CURRICULUM, REWARDS, TRACKS, training_config
 from cruise.reproduction.commands import reproduce_command, train_command
 from cruise.reproduction.plan import (
     ABLATIONS,
@@ -133,6 +133,7 @@ def test_commands_say_what_differs():
     assert train_command(vanilla) == (
         "cruise train --track ring --drones 2 --seed 0 --vanilla --step-scale 0.5 --self-play off"
     )
+    assert vanilla.ppo == training_config(drones=2).ppo != TrainConfig().ppo
     preset = config_of(Job("paper-reward", "ring", 2, 0), full_scale())
     assert train_command(preset).endswith("--seed 0 --after-crash nothing --reward-preset paper")
     own = dataclasses.replace(TrainConfig(), reward=RewardWeights(w_prog=1.0))

@@ -47,8 +47,10 @@ class Train:
 
     @classmethod
     def usual(cls, flags: Sequence[str]) -> "Train":
-        """The defaults, which the vehicle that `flags` name decides."""
-        return cls(config=training_config(find_vehicle(named_vehicle(flags)).name))
+        """The defaults, which the vehicle and the number of drones that `flags` name decide."""
+        vehicle = find_vehicle(named(flags, "vehicle") or "paper").name
+        drones = named(flags, "drones") or ""
+        return cls(config=training_config(vehicle, int(drones) if drones.isdecimal() else TrainConfig.drones))
 
     def run(self) -> int:
         """Train, measure, write the policy."""
@@ -110,8 +112,8 @@ class Train:
             raise CruiseError("--resume continues a run as it was configured: leave out every flag but --episodes")
 
 
-def named_vehicle(flags: Sequence[str]) -> str:
-    """The last vehicle that `--vehicle NAME` or `--vehicle=NAME` names among the flags, or `paper`."""
-    named = [value for flag, value in pairwise(flags) if flag == "--vehicle"]
-    named += [flag.removeprefix("--vehicle=") for flag in flags if flag.startswith("--vehicle=")]
-    return named[-1] if named else "paper"
+def named(flags: Sequence[str], name: str) -> str | None:
+    """The last value that `--NAME VALUE` or `--NAME=VALUE` gives among the flags."""
+    values = [value for flag, value in pairwise(flags) if flag == f"--{name}"]
+    values += [flag.removeprefix(f"--{name}=") for flag in flags if flag.startswith(f"--{name}=")]
+    return values[-1] if values else None

@@ -5,7 +5,7 @@ import shlex
 from typing import Any
 
 from cruise.config import RewardWeights, TrainConfig
-from cruise.presets import REWARDS
+from cruise.presets import REWARDS, training_config
 from cruise.reproduction.plan import Job, Scale
 
 
@@ -19,7 +19,7 @@ def reproduce_command(job: Job, scale: Scale) -> str:
 def train_command(config: TrainConfig) -> str:
     """Trains with this configuration: the flags that differ from the defaults."""
     flags = [f"--track {shlex.quote(config.track)} --drones {config.drones} --seed {config.seed}"]
-    flags += _flags(config, TrainConfig(), skip=("track", "drones", "seed", "reward"))
+    flags += _flags(config, training_config(drones=config.drones), skip=("track", "drones", "seed", "reward"))
     preset = next((name for name, reward in REWARDS.items() if reward == config.reward), None)
     if preset is None:
         flags += _flags(config.reward, RewardWeights())

@@ -4,9 +4,9 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from cruise.config import SelfPlayMode, TrainConfig
+from cruise.config import PPOConfig, SelfPlayMode, TrainConfig
 from cruise.errors import CruiseError
-from cruise.presets import CURRICULUM, REWARDS, TRACKS
+from cruise.presets import CURRICULUM, REWARDS, TRACKS, training_config
 
 Family = Literal["learned", "planner", "head-to-head"]
 
@@ -119,6 +119,10 @@ class Job:
         return KINDS[self.kind].family
 
 
+def _usual_ppo(drones: int) -> PPOConfig:
+    return training_config(drones=drones).ppo
+
+
 @dataclass(frozen=True)
 class Scale:
     """How much of everything: the full study, or a quick one."""
@@ -131,6 +135,7 @@ class Scale:
     kinds: tuple[str, ...] = tuple(KINDS)
     ablation_tracks: tuple[str, ...] = tuple(TRACKS)
     drones: tuple[int, ...] = DRONES
+    ppo_of: Callable[[int], PPOConfig] = _usual_ppo  # by the number of drones, in place of the base's
 
     @property
     def steps(self) -> int:
@@ -185,7 +190,8 @@ def _ordered(scale: Scale) -> Iterator[Job]:
 
 def config_of(job: Job, scale: Scale) -> TrainConfig:
     """How a learned job is trained."""
-    base = replace(scale.base, track=job.track, drones=job.drones, seed=job.seed)
+    ppo = scale.ppo_of(job.drones)
+    base = replace(scale.base, track=job.track, drones=job.drones, seed=job.seed, ppo=ppo)
     return KINDS[job.kind].change(base)
 
 
