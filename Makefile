@@ -3,7 +3,7 @@
 # make sb3      installs Stable-Baselines3 with PyTorch, trains its PPO on the ring and measures it
 # make policies trains the shipped policies anew, half an hour on 2 cores
 # make check    formatting, lint, types, import layers
-# make pictures draws the pictures of the README anew
+# make pictures draws the pictures of the README and of the replay page anew; needs Chromium
 # make speed    compares how fast this state and the commit before are, in turn
 # make docs     builds the documentation into build/site
 # make viewer   builds the replay page anew from viewer/; needs npm
@@ -45,9 +45,10 @@ docs: $(VENV)/.installed-dev
 speed: $(VENV)/.installed-dev
 	@$(BIN)/python -m benchmarks.against $(or $(BASE),HEAD~1) --rounds $(or $(ROUNDS),2)
 
-pictures: $(VENV)/.installed
+pictures: $(VENV)/.installed-dev
 	$(BIN)/cruise race --html None --png docs/images/race.png
 	$(BIN)/cruise race --html None --png None --seed 2 --gif docs/images/race.gif --clip 0 14
+	$(BIN)/python docs/draw_replay.py
 
 # The committed page is the one that viewer/ builds.
 check-viewer:

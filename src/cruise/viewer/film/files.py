@@ -3,6 +3,7 @@
 import io
 import itertools
 import tempfile
+import warnings
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
@@ -92,7 +93,9 @@ def _encode(path: Path, pictures: Iterable[Image.Image]) -> None:
         str(path), MP4_SIZE, fps=MP4_RATE, codec="libx264", quality=None, output_params=options, macro_block_size=8
     )
     try:
-        next(writer)
+        with warnings.catch_warnings():  # ffmpeg starts by a fork, of which JAX warns; but its child execs at once
+            warnings.filterwarnings("ignore", r"os\.fork", RuntimeWarning)
+            next(writer)
         for picture in pictures:
             writer.send(np.ascontiguousarray(picture))  # type: ignore[attr-defined]
     except OSError as error:
