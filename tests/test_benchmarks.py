@@ -21,6 +21,8 @@ from benchmarks.against import RATES, Against, verdicts
 from benchmarks.environment import EnvironmentCase, round_track, that_fit
 from benchmarks.machine import LEAST_ROUNDS, interleave, peak_memory_mb, rates
 from benchmarks.report import show
+from benchmarks.skill import Skill, median_to_skill
+from benchmarks.skill import table as skill_table
 from benchmarks.startup import Start, run_command
 from benchmarks.sweeps import GATES_SWEPT
 from benchmarks.training import environment_flop, train_flop, trainer_flop
@@ -208,3 +210,19 @@ def test_where_there_is_nothing_to_compare_with_nothing_fails(capsys, monkeypatc
     monkeypatch.setattr(against, "_checked_out", lambda commit: contextlib.nullcontext(against.ROOT))
     Against("HEAD").run()
     assert "failed: no such module" in capsys.readouterr().out
+
+
+def test_time_to_skill_is_measured_by_training(capsys):
+    Skill(seeds=1, step_scale=0.0005, episodes=1, json=True).run()
+    told = json.loads(capsys.readouterr().out)
+    (row,) = told["seeds"]
+    assert row["seconds"] > 1
+    assert (row["success"], row["reached"], told["median_s"]) == (0.0, False, None)
+
+
+def test_a_training_that_never_got_there_counts_as_endless():
+    rows = [{"seed": k, "seconds": 10.0 * k, "success": 1.0, "speed": 4.5, "reached": k != 1} for k in (1, 2, 3)]
+    rows[0]["speed"] = None
+    assert median_to_skill(rows) == 30.0
+    assert skill_table(rows).caption == "median 30 s"
+    assert median_to_skill([row | {"reached": False} for row in rows]) is None
