@@ -27,6 +27,7 @@ MINIATURE = {
 }
 WATCHED = "--watch"  # serves until somebody stops it: tests/viewer/test_live.py does
 WITH_OTHERS = "--coordinator"  # waits for the other processes: tests/training/test_processes.py has them
+SWEEP = "sweep"  # starts Ray: tests/reproduction/test_sweep.py does
 
 
 class Block(NamedTuple):
@@ -99,7 +100,7 @@ def _commands(block: Block) -> Iterator[list[str]]:
 def _cruise(block: Block, arguments: list[str]) -> None:
     command = arguments[0]
     short = [word for word in arguments if word != "--open"]
-    if WATCHED in short or WITH_OTHERS in short:
+    if WATCHED in short or WITH_OTHERS in short or command == SWEEP:
         short = [command, "--help"]
     elif not (command == "reproduce" and "--report-only" in short):
         short += shlex.split(MINIATURE.get(command, ""))

@@ -179,7 +179,7 @@ def test_claims_are_decided_by_the_numbers(tmp_path, monkeypatch):
 
 def test_settings_that_differ_between_seeds_are_told(tmp_path):
     folder = ResultFolder(tmp_path)
-    jobs = (Job("cruise", "ring", 2, 0), Job("cruise", "ring", 2, 1))
+    jobs = (Job("cruise", "ring", 2, 0), Job("cruise", "ring", 2, 1), Job("cruise", "ring", 4, 0))  # 2 learn boldly
     invent(folder, SCALE, jobs)
     assert not any("different settings" in w for w in warnings(read_evidence(folder, SCALE)))
     path = folder.path / CELLS / f"{jobs[1].name}.json"

@@ -7,11 +7,11 @@ from pathlib import Path
 LEAST_SECONDS = 0.1  # what compiles faster is compiled anew
 
 
-def prepare_training() -> None:
-    """What must be settled before JAX is first used, where policies are trained."""
+def prepare_training(cores: int | None = None) -> None:
+    """What must be settled before JAX is first used, where policies are trained: on all cores, or on so many."""
     from cruise.training.devices import use_cores  # noqa: PLC0415  (imports JAX)
 
-    use_cores()
+    use_cores(cores)
     use_compilation_cache()
 
 

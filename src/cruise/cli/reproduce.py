@@ -54,7 +54,7 @@ class Reproduce:
 
         scale = quick_scale() if self.quick else full_scale(self.seeds)
         jobs = choose(make_plan(scale), self.only)
-        work = self._work(scale)
+        work = study(scale, self.results, self.work)
         if self.report_only and not work.results.path.is_dir():
             raise CruiseError(f"no results in {work.results.path}: name their folder with --results, or run some first")
         if self.list:
@@ -62,13 +62,6 @@ class Reproduce:
         failed = 0 if self.report_only else self._run_jobs(work, jobs)
         self._report(work)
         return failed
-
-    def _work(self, scale: "Scale") -> "Work":
-        from cruise.reproduction.results import ResultFolder  # noqa: PLC0415
-        from cruise.reproduction.work import Work  # noqa: PLC0415
-
-        folder = self.work or (QUICK if self.quick else FULL)
-        return Work(scale, ResultFolder(self.results or (QUICK / "results" if self.quick else Path("results"))), folder)
 
     def _run_jobs(self, work: "Work", jobs: "tuple[Job, ...]") -> int:
         from cruise.cli.reproduce_progress import show_events  # noqa: PLC0415
@@ -87,6 +80,15 @@ class Reproduce:
         evidence = read_evidence(work.results, work.scale)
         page = write_report(evidence, self.out or work.folder / "report")
         print(f"report {page} from {sum(1 for _ in evidence.all_cells)} cells")
+
+
+def study(scale: "Scale", results: Path | None, folder: Path | None) -> "Work":
+    """A study in these folders, or in the usual ones of its scale."""
+    from cruise.reproduction.results import ResultFolder  # noqa: PLC0415
+    from cruise.reproduction.work import Work  # noqa: PLC0415
+
+    usual, kept = (QUICK, QUICK / "results") if scale.name == "quick" else (FULL, Path("results"))
+    return Work(scale, ResultFolder(results or kept), folder or usual)
 
 
 def show_states(work: "Work", jobs: "tuple[Job, ...]") -> int:

@@ -88,7 +88,8 @@ def _glossary() -> tuple[Point, ...]:
 def _how() -> str:
     return (
         "`cruise reproduce` runs everything again and goes on where it was stopped, `cruise reproduce --report-only "
-        "--out DIR` makes this report from the results that are kept. Every row names what made it."
+        "--out DIR` makes this report from the results that are kept. Every row names what made it. Two drones learn "
+        "faster, with wider noise and fewer races at once than three and four, in every kind of training alike."
     )
 
 

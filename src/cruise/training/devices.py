@@ -24,15 +24,15 @@ def mean_over_devices(tree: Any, axis: str | None) -> Any:
     return unflatten(jax.lax.pmean(vector, axis))
 
 
-def use_cores() -> None:
-    """Let every core of the processor be a device of its own, if JAX has not started yet.
+def use_cores(cores: int | None = None) -> None:
+    """Let every core of the processor, or so many, be a device of its own, if JAX has not started yet.
 
     A core that steps its own races and learns from them waits for the others only when gradients are averaged; cores
     that share every loop of one device wait for each other at every loop.
     """
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    here = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     try:
-        jax.config.update("jax_num_cpu_devices", cores)
+        jax.config.update("jax_num_cpu_devices", cores or here)
     except RuntimeError:  # it has: what devices there are will do
         return
 

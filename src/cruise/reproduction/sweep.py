@@ -1,0 +1,118 @@
+"""Many jobs at once, through Ray: on the processors of this machine, or on those of a cluster.
+
+Every job is a Ray task that takes a fixed number of cores. Checkpoints, policies and results lie in the folders of the
+study, which every machine of a cluster must see; so a task whose worker dies goes on, on whatever machine Ray tries it
+again, from the last checkpoint.
+"""
+
+import dataclasses
+import socket
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+from cruise.errors import CruiseError
+from cruise.reproduction.plan import Job
+from cruise.reproduction.results import ResultFolder
+from cruise.reproduction.study import Event, run_jobs
+from cruise.reproduction.work import Work
+
+RETRIES = 5  # of a task whose worker died
+TOLD = 1000  # characters of what went wrong
+
+
+@dataclasses.dataclass(frozen=True)
+class Cluster:
+    """Where tasks run."""
+
+    address: str | None = None  # of a cluster's head; None: this machine alone
+    cores: int | None = None  # for each job; None: all of this machine
+
+
+def run_job(work: Work, job: Job) -> Event:
+    """Run one job in this process and tell how it ended."""
+    *_, last = run_jobs(work, (job,))
+    return last
+
+
+def sweep(
+    work: Work,
+    jobs: Sequence[Job],
+    cluster: Cluster,
+    prepare: Callable[[int], None],
+    run: Callable[[Work, Job], Event] = run_job,
+) -> Iterator[Event]:
+    """Run jobs as Ray lets them; races between policies once all else has ended. Yields how each ended.
+
+    Args:
+        work: the study; the same folders on every machine.
+        jobs: of the study.
+        cluster: where.
+        prepare: called in a worker before anything else, with the cores it may use.
+        run: what a worker does with the study and a job.
+
+    Raises:
+        CruiseError: Ray is not installed, does not start, or has no machine with so many cores.
+    """
+    ray = _import_ray()
+    cores = _start(ray, cluster)
+    work = dataclasses.replace(work, folder=work.folder.absolute(), results=ResultFolder(work.results.path.absolute()))
+
+    # One job per worker process: JAX counts its devices once, and a process that trained keeps what it compiled.
+    remote = ray.remote(num_cpus=cores, max_retries=RETRIES, max_calls=1)(_task)
+    try:
+        races = tuple(job for job in jobs if job.family == "head-to-head")
+        for wave in (tuple(job for job in jobs if job not in races), races):
+            yield from _as_they_end(ray, {remote.remote(work, job, cores, prepare, run): job for job in wave})
+    finally:
+        ray.shutdown()
+
+
+def _task(work: Work, job: Job, cores: int, prepare: Callable[[int], None], run: Callable[[Work, Job], Event]) -> Event:
+    prepare(cores)
+    return run(work, job)
+
+
+def _as_they_end(ray: Any, running: dict[Any, Job]) -> Iterator[Event]:
+    while running:
+        (ended, *_), _ = ray.wait(list(running), num_returns=1)
+        job = running.pop(ended)
+        try:
+            yield ray.get(ended)
+        except ray.exceptions.RayError as error:
+            yield Event(job, "failed", message=" ".join(str(error).split())[:TOLD])
+
+
+def _import_ray() -> Any:
+    try:
+        import ray  # noqa: PLC0415  (an extra)
+    except ImportError:
+        raise CruiseError("a sweep needs Ray: pip install 'cruise-racing[ray]'") from None
+    return ray
+
+
+def _find(address: str) -> None:
+    """Knock at a cluster's head: Ray itself would wait a minute, then fill the screen."""
+    host, _, port = address.rpartition(":")
+    if not (host and port.isdecimal() and int(port) < 2**16):
+        raise CruiseError(f"--address must be HOST:PORT or auto, not {address!r}")
+    try:
+        socket.create_connection((host, int(port)), timeout=10).close()
+    except OSError as error:
+        raise CruiseError(f"no Ray cluster answers at {address}: {error}") from None
+
+
+def _start(ray: Any, cluster: Cluster) -> int:
+    """Start Ray, or join the cluster; gives the cores for each job."""
+    if cluster.address not in (None, "auto"):
+        _find(cluster.address)
+    local = {"include_dashboard": False} if cluster.address is None else {"address": cluster.address}
+    try:
+        ray.init(log_to_driver=False, logging_level="ERROR", configure_logging=False, **local)
+    except (ConnectionError, RuntimeError, ValueError) as error:
+        raise CruiseError(f"Ray does not start: {' '.join(str(error).split())[:TOLD]}") from None
+    most = max((int(node["Resources"].get("CPU", 0)) for node in ray.nodes() if node["Alive"]), default=0)
+    cores = most if cluster.cores is None else cluster.cores
+    if not 1 <= cores <= most:
+        ray.shutdown()
+        raise CruiseError(f"--cores must be between 1 and {most}, as many as the largest machine has, not {cores}")
+    return cores
