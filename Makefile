@@ -48,7 +48,7 @@ speed: $(VENV)/.installed-dev
 pictures: $(VENV)/.installed-dev
 	$(BIN)/cruise race --html None --png docs/images/race.png
 	$(BIN)/cruise race --html None --png None --seed 2 --gif docs/images/race.gif --clip 0 14
-	$(BIN)/python docs/draw_replay.py
+	$(BIN)/python -m docs.draw_replay
 
 # The committed page is the one that viewer/ builds.
 check-viewer:

@@ -124,7 +124,7 @@ _BOLD = PPOConfig(
 )
 
 
-def training_config(vehicle: str = "paper", drones: int = 4) -> TrainConfig:
+def training_config(vehicle: str = "paper", drones: int = TrainConfig.drones) -> TrainConfig:
     """What so many drones of a vehicle are trained with where nobody says otherwise."""
     if vehicle == "paper":
         return TrainConfig(drones=drones, ppo=_BOLD if drones <= 2 else PPOConfig())

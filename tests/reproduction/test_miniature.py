@@ -21,13 +21,12 @@ from tests.training.runs import TINY, UPDATES
 ENTRANTS = ("cruise", "vanilla", "se-ibr")
 SCALE = Scale(
     "quick",
-    TINY,
+    lambda _: TINY,
     races=1,
     seeds=(0,),
     tracks=("ring",),
     kinds=(*ENTRANTS, "head-to-head"),
     drones=(TINY.drones,),
-    ppo_of=lambda drones: TINY.ppo,
 )
 CRUISE = Job("cruise", "ring", TINY.drones, 0)
 
@@ -143,4 +142,4 @@ def test_ctrl_c_says_how_to_go_on(study, monkeypatch, capsys):
 
 def test_a_scale_is_told_by_its_steps():
     assert SCALE.steps == round(0.0012 * 40e6)
-    assert dataclasses.replace(SCALE, base=dataclasses.replace(TINY, step_scale=1.0)).steps == 40_000_000
+    assert dataclasses.replace(SCALE, change=lambda _: dataclasses.replace(TINY, step_scale=1.0)).steps == 40_000_000

@@ -68,7 +68,7 @@ def test_races_come_after_those_who_race():
 @pytest.mark.parametrize("name", SCALES)
 def test_all_but_one_kind_train_for_as_many_steps(name):
     scale = SCALES[name]
-    update = scale.base.ppo.races * scale.base.ppo.rollout_steps
+    update = scale.base(4).ppo.races * scale.base(4).ppo.rollout_steps
     steps = {kind: steps_of(config_of(Job(kind, "ring", 4, 0), scale)) for kind in LEARNED}
     last = CURRICULUM[-1].steps / sum(stage.steps for stage in CURRICULUM)
     for kind, done in steps.items():

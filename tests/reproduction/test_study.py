@@ -113,8 +113,8 @@ def test_a_job_that_another_process_runs_is_left_to_it(work, made):
 
 def test_another_configuration_is_seen_and_run_only_when_asked(work, made):
     run_all(work)
-    base = dataclasses.replace(SCALE.base, episode_steps=SCALE.base.episode_steps + 1)
-    other = dataclasses.replace(work, scale=dataclasses.replace(SCALE, base=base))
+    longer = dataclasses.replace(SCALE.base(2), episode_steps=SCALE.base(2).episode_steps + 1)
+    other = dataclasses.replace(work, scale=dataclasses.replace(SCALE, change=lambda _: longer))
     assert state_of(other, CRUISE) == "other settings"
     assert left(other, PLAN) == ()
     assert set(left(other, PLAN, again=True)) == {job for job in PLAN if job.family == "learned"}

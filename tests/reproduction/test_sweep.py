@@ -11,7 +11,7 @@ from cruise.errors import CruiseError
 from cruise.reproduction.plan import Job
 from cruise.reproduction.results import ResultFolder
 from cruise.reproduction.study import Event
-from cruise.reproduction.sweep import Cluster, sweep
+from cruise.reproduction.sweep import Cluster, run_job, sweep
 from cruise.reproduction.work import Work
 from tests.reproduction.test_miniature import CRUISE, SCALE
 
@@ -59,6 +59,7 @@ def test_a_real_training_lands_where_reproduce_reads_it(work):
     assert result is not None
     assert result.config["drones"] == 2
     assert work.results.policy_of(CRUISE).with_suffix(".safetensors").exists()
+    assert run_job(work, CRUISE) == Event(CRUISE, "done")  # a worker that died after it wrote is followed by this
 
 
 def test_more_cores_than_there_are(work):

@@ -1,13 +1,35 @@
 """A page in a browser, and where its camera says that things must appear."""
 
+import contextlib
 import io
+import os
+import shutil
 import time
 
 import numpy as np
 from PIL import Image
 
 SIZE = (800, 560)
+# WebGL drawn by the processor, the same on every machine.
+FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
 PATIENCE = 120_000  # for a machine that is busy with other things [ms]
+
+
+def find_chromium():
+    """Its path; None where there is none."""
+    return os.environ.get("CRUISE_CHROMIUM") or next(filter(None, map(shutil.which, NAMES)), None)
+
+
+@contextlib.contextmanager
+def chromium():
+    """A browser without a window."""
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=find_chromium(), args=FLAGS)
+        yield browser
+        browser.close()
 
 
 class Page:

@@ -1,32 +1,22 @@
 """A real browser, one for all tests, and a page that shows a race known in closed form."""
 
 import os
-import shutil
 
 import pytest
 
 from cruise.viewer.page import write_replay
-from tests.viewer.browser import Page
+from tests.viewer.browser import Page, chromium, find_chromium
 from tests.viewer.races import FIELD, circle_race
-
-# WebGL drawn by the processor, the same on every machine.
-FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
-NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
 
 
 @pytest.fixture(scope="session")
 def browser():
     """Chromium; where there is none the tests are skipped, unless they were said to be required."""
-    path = os.environ.get("CRUISE_CHROMIUM") or next(filter(None, map(shutil.which, NAMES)), None)
-    if path is None:
+    if find_chromium() is None:
         reason = "no Chromium found: install it (Debian: apt-get install chromium) or name it in CRUISE_CHROMIUM"
         (pytest.fail if os.environ.get("CRUISE_REQUIRE_BROWSER") else pytest.skip)(reason)
-    from playwright.sync_api import sync_playwright
-
-    with sync_playwright() as playwright:
-        chromium = playwright.chromium.launch(executable_path=path, args=FLAGS)
-        yield chromium
-        chromium.close()
+    with chromium() as started:
+        yield started
 
 
 @pytest.fixture(scope="session")

@@ -10,51 +10,33 @@ from rich.table import Column, Table
 
 from cruise.cli.compilation import prepare_training
 from cruise.cli.line_up import described
+from cruise.cli.study import Study
 from cruise.errors import CruiseError
 
 if TYPE_CHECKING:
-    from cruise.reproduction.plan import Job, Scale
+    from cruise.reproduction.plan import Job
     from cruise.reproduction.work import Work
-
-FULL, QUICK = Path("runs/reproduce"), Path("runs/reproduce-quick")
-MAX_SEEDS = 100
 
 
 @dataclass(frozen=True)
-class Reproduce:
+class Reproduce(Study):
     """Run the paper's experiments again and write a report. Stop it with Ctrl-C; the same command goes on."""
 
-    quick: bool = False
-    """A look at everything in minutes, with a fiftieth of the training steps, in folders of its own."""
-    only: Annotated[tuple[str, ...], described("WORD ...")] = ()
-    """Run these alone: kinds, tracks, numbers of drones, seeds (`--only cruise ring 4 s0`)."""
-    seeds: int = 3
-    """Training seeds of every cell; --quick has one."""
     list: bool = False
     """Show what is done and what is left, and run nothing."""
     report_only: bool = False
     """Write the report from the results there are, and run nothing."""
     again: bool = False
     """Run anew what was made with other settings than today's, or whose file is broken."""
-    results: Annotated[Path | None, described("DIR")] = None
-    """Where results are kept: results, with --quick runs/reproduce-quick/results."""
-    work: Annotated[Path | None, described("DIR")] = None
-    """Where training runs lie: runs/reproduce, with --quick runs/reproduce-quick."""
     out: Annotated[Path | None, described("DIR")] = None
     """Where report.html, report.md, figures and CSV files go: the folder `report` below --work."""
 
     def run(self) -> int:
         """Run what is left of the plan, then write the report."""
-        if not 1 <= self.seeds <= MAX_SEEDS:
-            raise CruiseError(f"--seeds must be between 1 and {MAX_SEEDS}, not {self.seeds}")
         if self.list + self.report_only + self.again > 1:
             raise CruiseError("--list, --report-only and --again exclude each other")
         prepare_training()
-        from cruise.reproduction.plan import choose, full_scale, make_plan, quick_scale  # noqa: PLC0415
-
-        scale = quick_scale() if self.quick else full_scale(self.seeds)
-        jobs = choose(make_plan(scale), self.only)
-        work = study(scale, self.results, self.work)
+        work, jobs = self.plan()
         if self.report_only and not work.results.path.is_dir():
             raise CruiseError(f"no results in {work.results.path}: name their folder with --results, or run some first")
         if self.list:
@@ -68,10 +50,7 @@ class Reproduce:
         from cruise.reproduction.study import left, run_jobs  # noqa: PLC0415
 
         wanted = left(work, jobs, self.again)
-        try:
-            return show_events(Console(), run_jobs(work, wanted), wanted, len(jobs))
-        except KeyboardInterrupt:
-            raise KeyboardInterrupt("stopped; what is done is kept, and the same command goes on") from None
+        return show_events(Console(), run_jobs(work, wanted), wanted, len(jobs))
 
     def _report(self, work: "Work") -> None:
         from cruise.reproduction.assemble import write_report  # noqa: PLC0415
@@ -80,15 +59,6 @@ class Reproduce:
         evidence = read_evidence(work.results, work.scale)
         page = write_report(evidence, self.out or work.folder / "report")
         print(f"report {page} from {sum(1 for _ in evidence.all_cells)} cells")
-
-
-def study(scale: "Scale", results: Path | None, folder: Path | None) -> "Work":
-    """A study in these folders, or in the usual ones of its scale."""
-    from cruise.reproduction.results import ResultFolder  # noqa: PLC0415
-    from cruise.reproduction.work import Work  # noqa: PLC0415
-
-    usual, kept = (QUICK, QUICK / "results") if scale.name == "quick" else (FULL, Path("results"))
-    return Work(scale, ResultFolder(results or kept), folder or usual)
 
 
 def show_states(work: "Work", jobs: "tuple[Job, ...]") -> int:

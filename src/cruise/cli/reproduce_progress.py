@@ -16,10 +16,13 @@ LINE_SECONDS = 30.0  # between plain lines on one job
 
 
 def show_events(console: Console, events: "Iterable[Event]", jobs: "Sequence[Job]", planned: int) -> int:
-    """Show a study until it ends. Gives 1 where a job failed, else 0."""
+    """Show a study until it ends. Gives 1 where a job failed, else 0. Ctrl-C says what it means."""
     console.print(f"{planned - len(jobs)} of {planned} done before, {len(jobs)} to run")
     shown = _bars(console, events, _Ahead(jobs)) if console.is_terminal else _lines(console, events, _Ahead(jobs))
-    failed = [event.job.name for event in shown if event.what == "failed"]
+    try:
+        failed = [event.job.name for event in shown if event.what == "failed"]
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt("stopped; what is done is kept, and the same command goes on") from None
     if failed:
         names = escape(", ".join(failed))
         console.print(f"{len(failed)} failed: {names}; the same command tries again", soft_wrap=True)

@@ -17,7 +17,7 @@ from jaxtyping import Array, Float
 from cruise.config import ObservationKind
 from cruise.env.race_env import RaceEnv
 from cruise.env.types import RaceState
-from cruise.errors import CruiseError
+from cruise.errors import CruiseError, one_line
 from cruise.pilots.base import Memory, Pilot, rows
 from cruise.presets import VEHICLES
 
@@ -168,5 +168,5 @@ def explain(error: BaseException) -> str:
     theirs = [frame for frame in frames if not frame.filename.startswith((HERE, "<frozen"))]
     own = [frame for frame in theirs if "site-packages" not in frame.filename] or theirs
     at = f" ({own[-1].filename}, line {own[-1].lineno})" if own else ""
-    message = " ".join(str(error).split())
+    message = one_line(error)
     return f"{type(error).__name__}{': ' * bool(message)}{message}{at}"

@@ -125,7 +125,7 @@ def mixed_settings(evidence: Evidence) -> list[str]:
     for cell in evidence.all_cells:
         settings = {name: value for name, value in cell.config.items() if name not in own}
         planner = KINDS[cell.kind].family == "planner"
-        group = (cell.kind, cell.track if planner else evidence.scale.ppo_of(cell.drones))
+        group = (cell.kind, cell.track if planner else evidence.scale.base(cell.drones).ppo)
         if settings not in seen.setdefault(group, []):
             seen[group].append(settings)
     return list(dict.fromkeys(kind for (kind, _), settings in seen.items() if len(settings) > 1))

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from cruise.config import PPOConfig, SelfPlayMode, TrainConfig
+from cruise.config import SelfPlayMode, TrainConfig
 from cruise.errors import CruiseError
 from cruise.presets import CURRICULUM, REWARDS, TRACKS, training_config
 
@@ -119,28 +119,32 @@ class Job:
         return KINDS[self.kind].family
 
 
-def _usual_ppo(drones: int) -> PPOConfig:
-    return training_config(drones=drones).ppo
-
-
 @dataclass(frozen=True)
 class Scale:
     """How much of everything: the full study, or a quick one."""
 
     name: str
-    base: TrainConfig
+    change: Callable[[TrainConfig], TrainConfig] = _same  # what differs from usual training
     races: int = 100  # per evaluation and per head-to-head pairing
     seeds: tuple[int, ...] = (0, 1, 2)
     tracks: tuple[str, ...] = tuple(TRACKS)
     kinds: tuple[str, ...] = tuple(KINDS)
     ablation_tracks: tuple[str, ...] = tuple(TRACKS)
     drones: tuple[int, ...] = DRONES
-    ppo_of: Callable[[int], PPOConfig] = _usual_ppo  # by the number of drones, in place of the base's
+
+    def base(self, drones: int) -> TrainConfig:
+        """How so many drones are trained, before their kind, track and seed."""
+        return self.change(training_config(drones=drones))
+
+    @property
+    def step_scale(self) -> float:
+        """Share of the paper's steps."""
+        return self.base(ABLATION_DRONES).step_scale
 
     @property
     def steps(self) -> int:
         """Of one whole curriculum."""
-        return round(self.base.step_scale * sum(stage.steps for stage in CURRICULUM))
+        return round(self.step_scale * sum(stage.steps for stage in CURRICULUM))
 
 
 QUICK_SHARE = 0.02  # of the steps
@@ -149,16 +153,19 @@ QUICK_EVALUATIONS = 131_072  # steps between two evaluations of self-play
 
 def full_scale(seeds: int = 3) -> Scale:
     """The paper's 40 million steps, 100 races."""
-    return Scale("full", TrainConfig(), seeds=tuple(range(seeds)))
+    return Scale("full", seeds=tuple(range(seeds)))
+
+
+def _quickly(config: TrainConfig) -> TrainConfig:
+    opponents = replace(config.opponents, evaluate_every=QUICK_EVALUATIONS)
+    return replace(config, step_scale=QUICK_SHARE, opponents=opponents)
 
 
 def quick_scale() -> Scale:
     """A look at everything in minutes; its policies have hardly learned to fly."""
-    config = TrainConfig(step_scale=QUICK_SHARE)
-    opponents = replace(config.opponents, evaluate_every=QUICK_EVALUATIONS)
     return Scale(
         "quick",
-        replace(config, opponents=opponents),
+        _quickly,
         races=10,
         seeds=(0,),
         kinds=tuple(kind for kind in KINDS if kind != "vanilla-stage5"),
@@ -190,9 +197,7 @@ def _ordered(scale: Scale) -> Iterator[Job]:
 
 def config_of(job: Job, scale: Scale) -> TrainConfig:
     """How a learned job is trained."""
-    ppo = scale.ppo_of(job.drones)
-    base = replace(scale.base, track=job.track, drones=job.drones, seed=job.seed, ppo=ppo)
-    return KINDS[job.kind].change(base)
+    return KINDS[job.kind].change(replace(scale.base(job.drones), track=job.track, seed=job.seed))
 
 
 def choose(jobs: Sequence[Job], words: Sequence[str]) -> tuple[Job, ...]:

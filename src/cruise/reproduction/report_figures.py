@@ -133,7 +133,7 @@ def curves(evidence: Evidence) -> Drawing:
 def _edges(evidence: Evidence) -> tuple[float, ...]:
     steps, edges = 0.0, []
     for stage in CURRICULUM[:-1]:
-        steps += stage.steps * evidence.scale.base.step_scale / 1e6
+        steps += stage.steps * evidence.scale.step_scale / 1e6
         edges.append(steps)
     return tuple(edges)
 

@@ -10,7 +10,7 @@ import socket
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
-from cruise.errors import CruiseError
+from cruise.errors import CruiseError, one_line
 from cruise.reproduction.plan import Job
 from cruise.reproduction.results import ResultFolder
 from cruise.reproduction.study import Event, run_jobs
@@ -29,9 +29,9 @@ class Cluster:
 
 
 def run_job(work: Work, job: Job) -> Event:
-    """Run one job in this process and tell how it ended."""
-    *_, last = run_jobs(work, (job,))
-    return last
+    """Run one job in this process and tell how it ended, also where another process has done it already."""
+    events = list(run_jobs(work, (job,)))
+    return events[-1] if events else Event(job, "done")
 
 
 def sweep(
@@ -60,8 +60,8 @@ def sweep(
     # One job per worker process: JAX counts its devices once, and a process that trained keeps what it compiled.
     remote = ray.remote(num_cpus=cores, max_retries=RETRIES, max_calls=1)(_task)
     try:
-        races = tuple(job for job in jobs if job.family == "head-to-head")
-        for wave in (tuple(job for job in jobs if job not in races), races):
+        for last in (False, True):
+            wave = [job for job in jobs if (job.family == "head-to-head") is last]
             yield from _as_they_end(ray, {remote.remote(work, job, cores, prepare, run): job for job in wave})
     finally:
         ray.shutdown()
@@ -79,7 +79,7 @@ def _as_they_end(ray: Any, running: dict[Any, Job]) -> Iterator[Event]:
         try:
             yield ray.get(ended)
         except ray.exceptions.RayError as error:
-            yield Event(job, "failed", message=" ".join(str(error).split())[:TOLD])
+            yield Event(job, "failed", message=one_line(error, TOLD))
 
 
 def _import_ray() -> Any:
@@ -109,7 +109,7 @@ def _start(ray: Any, cluster: Cluster) -> int:
     try:
         ray.init(log_to_driver=False, logging_level="ERROR", configure_logging=False, **local)
     except (ConnectionError, RuntimeError, ValueError) as error:
-        raise CruiseError(f"Ray does not start: {' '.join(str(error).split())[:TOLD]}") from None
+        raise CruiseError(f"Ray does not start: {one_line(error, TOLD)}") from None
     most = max((int(node["Resources"].get("CPU", 0)) for node in ray.nodes() if node["Alive"]), default=0)
     cores = most if cluster.cores is None else cluster.cores
     if not 1 <= cores <= most:

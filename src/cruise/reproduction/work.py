@@ -81,7 +81,7 @@ IMMATERIAL = ("checkpoint_seconds",)
 def settings_of(job: Job, scale: Scale) -> dict[str, Any]:
     """What a job's cell depends on beside the seeds: the resolved configuration, or how the planner flies a track."""
     if job.family == "planner":
-        style = style_of(PLANNERS[job.kind], load_track(job.track), VEHICLES[scale.base.vehicle])
+        style = style_of(PLANNERS[job.kind], load_track(job.track), VEHICLES[scale.base(job.drones).vehicle])
         return {name: float(value) for name, value in style._asdict().items()}
     return to_data(config_of(job, scale))
 

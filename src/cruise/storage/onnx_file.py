@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from cruise.errors import CruiseError
+from cruise.errors import CruiseError, one_line
 from cruise.pilots.foreign import ForeignPilot
 from cruise.pilots.view import View
 from cruise.storage.atomic import read_bytes
@@ -109,7 +109,7 @@ def open_model(path: StrPath) -> Any:
     try:
         return runtime.InferenceSession(data, options, providers=["CPUExecutionProvider"])
     except Exception as error:  # its exceptions have no common base
-        raise CruiseError(f"model {path}: not a sound ONNX model ({' '.join(str(error).split())[:200]})") from None
+        raise CruiseError(f"model {path}: not a sound ONNX model ({one_line(error, 200)})") from None
 
 
 def load_runtime() -> Any:
@@ -158,7 +158,7 @@ class _Network:
             return self.session.run(["action"], inputs)[0]
         except Exception as error:  # its exceptions have no common base
             raise CruiseError(
-                f"policy {self.meta.name!r} in {self.path} does not fit this race: {' '.join(str(error).split())[:200]}"
+                f"policy {self.meta.name!r} in {self.path} does not fit this race: {one_line(error, 200)}"
             ) from None
 
     def _check_field(self, view: View) -> None:

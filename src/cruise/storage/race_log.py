@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cruise.errors import CruiseError
+from cruise.errors import CruiseError, one_line
 from cruise.storage.atomic import read_bytes, write_atomically
 
 FORMAT_VERSION = 1
@@ -155,7 +155,7 @@ def _read(data: bytes, where: str) -> dict[str, np.ndarray]:
         with np.load(io.BytesIO(data), allow_pickle=False) as archive:
             return {name: archive[name] for name in archive.files}
     except _BROKEN_ARCHIVE as error:
-        raise CruiseError(f"{where}: not a readable .npz file ({' '.join(str(error).split())})") from None
+        raise CruiseError(f"{where}: not a readable .npz file ({one_line(error)})") from None
 
 
 def _check_arrays(arrays: dict[str, np.ndarray], where: str) -> None:

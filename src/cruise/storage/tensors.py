@@ -9,7 +9,7 @@ import numpy as np
 import safetensors
 import safetensors.numpy
 
-from cruise.errors import CruiseError
+from cruise.errors import CruiseError, one_line
 from cruise.storage.atomic import read_bytes
 
 
@@ -30,7 +30,7 @@ def decode(data: bytes, where: str) -> tuple[dict[str, np.ndarray], dict[str, st
     try:
         arrays = safetensors.numpy.load(data)
     except (safetensors.SafetensorError, KeyError, ValueError, TypeError) as error:
-        raise CruiseError(f"{where}: not a whole safetensors file ({' '.join(str(error).split())})") from None
+        raise CruiseError(f"{where}: not a whole safetensors file ({one_line(error)})") from None
     (length,) = struct.unpack("<Q", data[:8])
     return arrays, json.loads(data[8 : 8 + length]).get("__metadata__", {})
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from cruise.errors import CruiseError
+from cruise.errors import CruiseError, one_line
 from cruise.storage.race_log import RaceLog
 from cruise.viewer.film import look
 from cruise.viewer.film.film import frames
@@ -99,6 +99,6 @@ def _encode(path: Path, pictures: Iterable[Image.Image]) -> None:
         for picture in pictures:
             writer.send(np.ascontiguousarray(picture))  # type: ignore[attr-defined]
     except OSError as error:
-        raise CruiseError(f"the film could not be encoded: {' '.join(str(error).split())}") from None
+        raise CruiseError(f"the film could not be encoded: {one_line(error)}") from None
     finally:
         writer.close()  # type: ignore[attr-defined]
