@@ -50,6 +50,7 @@ COMMANDS = {
     "train": Entry("cruise.cli.train", "Train", "Train a policy through the curriculum, or resume a run."),
     "evaluate": Entry("cruise.cli.evaluate", "Evaluate", "Measure pilots over many races, with confidence intervals."),
     "tracks": Entry("cruise.cli.tracks", "Tracks", "List, show and check tracks."),
+    "limit": Entry("cruise.cli.limit", "FindLimit", "Compute the time-optimal lap of a vehicle on a track."),
     "tune-planner": Entry(
         "cruise.cli.tune_planner", "TunePlanner", "Find how fast the SE-IBR planner can fly a track."
     ),

@@ -1,0 +1,79 @@
+"""`cruise limit`: how fast a vehicle could fly a track at all."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+
+from cruise.cli.line_up import described
+from cruise.cli.outputs import check_output
+from cruise.errors import CruiseError
+from cruise.racing.track_file import load_track
+from cruise.vehicles import find_vehicle
+
+if TYPE_CHECKING:
+    from cruise.limit.lap import Limit
+
+MAX_LAPS = 10
+
+
+@dataclass(frozen=True)
+class FindLimit:
+    """Compute the time-optimal lap of one drone alone; needs the extra `limit`."""
+
+    track: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="NAME|FILE")]
+    """Built-in track, or path of a TOML file."""
+    vehicle: str = "racer"
+    """One that is flown by thrust and body rates (`cruise vehicles` lists them)."""
+    standing: bool = False
+    """From hovering in the middle of gate 1, not in periodic flight."""
+    laps: int = 1
+    """Laps from standing that are optimal as a whole; in periodic flight, how often the log repeats the lap."""
+    margin: float = 0.25
+    """Kept from the edges of every opening [m]."""
+    steps: int = 20
+    """From gate to gate, in each of which a control is held: more are finer."""
+    log: Annotated[Path | None, described("FILE")] = None
+    """Where to write the flight as a race log (.npz), for `cruise replay RACE.npz --ghost FILE`."""
+
+    def run(self) -> int:
+        """Solve, print the lap and its splits, write the log."""
+        check_output("--log", self.log, ".npz")
+        if not 1 <= self.laps <= MAX_LAPS:
+            raise CruiseError(f"--laps must be between 1 and {MAX_LAPS}, not {self.laps}")
+        track, vehicle = load_track(self.track), find_vehicle(self.vehicle)
+        _check_casadi()
+        from cruise.limit.lap import find_limit  # noqa: PLC0415  (imports CasADi, and JAX with the rotors)
+        from cruise.limit.log import limit_log  # noqa: PLC0415
+
+        limit = find_limit(track, vehicle, self.margin, self.laps if self.standing else 0, self.steps)
+        print("\n".join(told(limit)))
+        if self.log is not None:
+            limit_log(limit, self.laps).save(self.log)
+            print(f"log      {self.log}")
+        return 0
+
+
+def _check_casadi() -> None:
+    try:
+        import casadi  # noqa: F401, PLC0415
+    except ImportError:
+        raise CruiseError("the limit needs CasADi: pip install 'cruise-racing[limit]'") from None
+
+
+def told(limit: "Limit") -> list[str]:
+    """What was found, line by line."""
+    kind = "from standing" if limit.standing_laps else "in periodic flight"
+    times = ", ".join(f"{time:.3f}" for time in limit.lap_times)
+    splits = " ".join(f"{time:.3f}" for time in limit.lap.duration)
+    struck = ", ".join(str(gate + 1) for gate in limit.frames_struck)
+    note = [f"beware   this line runs through the frame of gate {struck}"] if struck else []
+    return [
+        f"{limit.track.name} by {limit.vehicle.name} ({limit.model.name}), {kind}",
+        f"lap      {times} s",
+        f"splits   {splits} s",
+        f"speed    {limit.mean_speed:.2f} m/s on average, {limit.top_speed:.2f} m/s at most; "
+        f"{limit.nominal_speed:.2f} m/s along the polygon of gates",
+        *note,
+    ]

@@ -1,0 +1,1 @@
+"""Time-optimal laps: how fast a vehicle could fly a track at all."""

@@ -1,0 +1,172 @@
+"""A time-optimal lap as a nonlinear programme: direct multiple shooting, a stretch of equal steps from gate to gate."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from cruise.config import Gate, Track
+from cruise.errors import CruiseError
+from cruise.limit.models import ATTITUDE, POSITION, VELOCITY, Model, Range
+
+SMOOTH = 1e-5  # weight of the controls' squared changes, over their range: picks one of many equal optima
+SLOWEST = 0.2  # least speed through a gate along its normal [m/s]
+
+
+@dataclass(frozen=True)
+class Lap:
+    """From gate to gate: K steps, equally long within a stretch, each with a control held."""
+
+    duration: np.ndarray  # [S] of the stretches [s]
+    state: np.ndarray  # [S K + 1, X] at the ends of the steps
+    control: np.ndarray  # [S K, U]
+
+    @property
+    def time(self) -> float:
+        """Of the whole lap [s]."""
+        return float(self.duration.sum())
+
+    @property
+    def steps(self) -> int:
+        """K."""
+        return len(self.control) // len(self.duration)
+
+    @property
+    def clock(self) -> np.ndarray:
+        """Times of the states [s], [S K + 1]."""
+        return np.concatenate([[0.0], np.cumsum(np.repeat(self.duration / self.steps, self.steps))])
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Laps of a track, from gate 0 to gate 0: one in periodic flight, or some from standing."""
+
+    track: Track
+    model: Model
+    margin: float = 0.25  # kept from the edges of every opening [m]
+    standing_laps: int = 0  # from hovering in the middle of gate 0, so many laps to a free end; 0: one lap for ever
+
+    def solve(self, guess: Lap) -> Lap:
+        """The fastest lap near the guess, in as many steps. Raises CruiseError where the solver finds none."""
+        stretches, steps = len(guess.duration), guess.steps
+        nodes = stretches * steps
+        durations = ca.MX.sym("T", stretches)
+        states = ca.MX.sym("x", self.model.state_size, nodes + 1)
+        controls = ca.MX.sym("u", len(self.model.control[0]), nodes)
+        step = ca.repmat((durations / steps).T, steps, 1).reshape((1, nodes))
+        conditions = [
+            (shooting(self.model).map(nodes)(states[:, :-1], controls, step) - states[:, 1:], _zeros(states[:, 1:])),
+            *self._ends(states),
+            *(self._through(s % len(self.track.gates), states[:, s * steps]) for s in range(1, stretches + 1)),
+        ]
+        if self.model.path is not None:
+            low, high = self.model.path_range
+            along = _function(self.model, self.model.path).map(nodes)(states[:, :-1], controls)
+            conditions.append((along, (np.tile(low, nodes), np.tile(high, nodes))))
+        span = self.model.control[1] - self.model.control[0]
+        change = (controls[:, 1:] - controls[:, :-1]) / span
+        cost = ca.sum1(durations) + SMOOTH * ca.sumsqr(change)
+        variables = ca.veccat(durations, states, controls)
+        low, high = self._bounds(stretches, nodes)
+        programme: dict[str, Any] = {
+            "x": variables,
+            "f": cost,
+            "g": ca.veccat(*(condition for condition, _ in conditions)),
+        }
+        solver = ca.nlpsol("lap", "ipopt", programme, _OPTIONS)
+        found = solver(
+            x0=np.concatenate([guess.duration, guess.state.ravel(), guess.control.ravel()]),
+            lbx=low,
+            ubx=high,
+            lbg=np.concatenate([bounds[0] for _, bounds in conditions]),
+            ubg=np.concatenate([bounds[1] for _, bounds in conditions]),
+        )
+        status = solver.stats()["return_status"]
+        if status not in ("Solve_Succeeded", "Solved_To_Acceptable_Level"):
+            raise CruiseError(f"no fastest lap of {self.track.name} by {self.model.name} found: IPOPT says {status}")
+        numbers = np.array(found["x"]).ravel()
+        duration, rest = numbers[:stretches], numbers[stretches:]
+        size = (nodes + 1) * self.model.state_size
+        return Lap(duration, rest[:size].reshape(nodes + 1, -1), rest[size:].reshape(nodes, -1))
+
+    def _ends(self, states: ca.MX) -> list[tuple[ca.MX, Range]]:
+        """What joins the end of the lap with its start."""
+        first, last = states[:, 0], states[:, -1]
+        if self.standing_laps:
+            return []
+        apart = last - first
+        joined = [apart[:6]]
+        if self.model.has_attitude:
+            # Four components of a unit quaternion that are equal are three conditions: the turn between them is none.
+            turn = _between(first[ATTITUDE], last[ATTITUDE])
+            joined += [turn, apart[10:], ca.sumsqr(first[ATTITUDE]) - 1]
+        return [(condition, _zeros(condition)) for condition in joined]
+
+    def _through(self, gate: int, state: ca.MX) -> tuple[ca.MX, Range]:
+        """On the plane of a gate, inside its opening with the margin, in the direction of flight."""
+        opening = self.track.gates[gate]
+        place = gate_frame(opening, state[POSITION] - ca.DM(list(opening.position_w)))
+        speed = gate_frame(opening, state[VELOCITY])[0]
+        aside, up = opening.width / 2 - self.margin, opening.height / 2 - self.margin
+        low, high = np.array([0.0, -aside, -up, SLOWEST]), np.array([0.0, aside, up, np.inf])
+        return ca.vertcat(*place, speed), (low, high)
+
+    def _bounds(self, stretches: int, nodes: int) -> Range:
+        low, high = (np.tile(bound, (nodes + 1, 1)) for bound in self.model.state)
+        low[:, POSITION], high[:, POSITION] = self.track.bounds_low, self.track.bounds_high
+        if self.standing_laps:
+            low[0] = high[0] = start_of(self.track, self.model)
+        control = [np.tile(bound, nodes) for bound in self.model.control]
+        time = np.full(stretches, 0.05), np.full(stretches, 30.0)
+        return (
+            np.concatenate([time[0], low.ravel(), control[0]]),
+            np.concatenate([time[1], high.ravel(), control[1]]),
+        )
+
+
+_OPTIONS: dict[str, Any] = {
+    "expand": True,
+    "print_time": False,
+    "ipopt": {"print_level": 0, "sb": "yes", "max_iter": 2000, "tol": 1e-6, "acceptable_tol": 1e-4},
+}
+
+
+def start_of(track: Track, model: Model) -> np.ndarray:
+    """Hovering in the middle of gate 0."""
+    state = model.hover.copy()
+    state[POSITION] = track.gates[0].position_w
+    return state
+
+
+def gate_frame(gate: Gate, vector: ca.MX) -> tuple[ca.MX, ca.MX, ca.MX]:
+    """Forward, left and up of a gate."""
+    cos, sin = np.cos(gate.yaw), np.sin(gate.yaw)
+    return cos * vector[0] + sin * vector[1], cos * vector[1] - sin * vector[0], vector[2]
+
+
+def shooting(model: Model) -> ca.Function:
+    """One step of the classical Runge-Kutta method, after which a quaternion has unit length again."""
+    x, u, h = ca.SX.sym("x", model.state_size), ca.SX.sym("u", len(model.control[0])), ca.SX.sym("h")
+    k1 = model.derivative(x, u)
+    k2 = model.derivative(x + h / 2 * k1, u)
+    k3 = model.derivative(x + h / 2 * k2, u)
+    k4 = model.derivative(x + h * k3, u)
+    end = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+    if model.has_attitude:
+        end[ATTITUDE] /= ca.norm_2(end[ATTITUDE])
+    return ca.Function("step", [x, u, h], [end])
+
+
+def _function(model: Model, expression: object) -> ca.Function:
+    x, u = ca.SX.sym("x", model.state_size), ca.SX.sym("u", len(model.control[0]))
+    return ca.Function("path", [x, u], [expression(x, u)])  # type: ignore[operator]
+
+
+def _between(a: ca.MX, b: ca.MX) -> ca.MX:
+    """Vector part of the quaternion conj(a) b."""
+    return a[0] * b[1:4] - b[0] * a[1:4] - ca.cross(a[1:4], b[1:4])
+
+
+def _zeros(like: ca.MX) -> Range:
+    return np.zeros(like.numel()), np.zeros(like.numel())
