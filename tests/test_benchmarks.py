@@ -30,8 +30,8 @@ from cruise.adapters import races
 from cruise.config import PPOConfig
 from cruise.presets import TRACKS, VEHICLES
 from cruise.racing.track_file import track_faults
-from cruise.training.experience import ACTIVE
 from cruise.training.trainer import Trainer
+from cruise.training.types import ACTIVE
 from tests.adapters import quick
 from tests.training.runs import TINY
 

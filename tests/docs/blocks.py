@@ -23,6 +23,7 @@ MINIATURE = {
     "train": "--step-scale 0.001 --races 64 --episodes 4 --evaluation-races 8 --evaluation-steps 20",
     "evaluate": "--episodes 2",
     "race": "--laps 1",
+    "limit": "--steps 8",
     "reproduce": "--list",
 }
 WATCHED = "--watch"  # serves until somebody stops it: tests/viewer/test_live.py does

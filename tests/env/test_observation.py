@@ -75,25 +75,45 @@ def opponents_seen(drones: int, state: RaceState) -> np.ndarray:
 
 
 def test_absent_opponents_are_zeros_behind_the_others() -> None:
-    state = random_race(race_env(4), out=0.4)
+    state = random_race(race_env(4), out=0.4, spread=4.0)
     seen, flying = opponents_seen(4, state), np.asarray(state.airborne)
+    position = np.asarray(state.drones.position_w)
     assert (~flying).any()
     for i in range(4):
-        present = np.delete(flying, i, axis=0).sum(axis=0)
+        near = np.linalg.norm(position - position[:, i : i + 1], axis=0) < 5
+        present = np.delete(flying & near, i, axis=0).sum(axis=0)
+        assert len(np.unique(present)) == 4
         for slot in range(3):
             assert (seen[slot, :, i][:, present <= slot] == 0).all()
             assert (np.abs(seen[slot, :, i][:, present > slot]).max(axis=0) > 0).all()
 
 
-def test_opponents_are_listed_nearest_first() -> None:
-    """Relative position leads each slot; in a small field none of it is clipped."""
+def test_opponents_are_listed_nearest_first_and_fade_with_distance() -> None:
+    """Relative position leads each slot; in a small field none of it is clipped. Whole up to 2.5 m, gone at 5 m."""
     env = race_env(4)
-    state = random_race(env, out=0.0, spread=1.0)
+    state = random_race(env, out=0.0, spread=1.5)
     position = np.asarray(state.drones.position_w)
     seen = np.linalg.norm(opponents_seen(4, state)[:, :3], axis=1)
     for i in range(4):
         distance = np.linalg.norm(np.delete(position, i, axis=1) - position[:, i : i + 1], axis=0)
-        np.testing.assert_allclose(seen[:, i] * 3.0, np.sort(distance, axis=0), rtol=1e-4)
+        distance = np.sort(distance, axis=0)
+        assert ((distance < 2.5).any(), (distance > 5).any()) == (True, True)
+        expected = distance * np.interp(distance, [2.5, 5.0], [1.0, 0.0])
+        np.testing.assert_allclose(seen[:, i] * 3.0, expected, rtol=1e-4, atol=1e-5)
+
+
+def test_who_is_far_away_might_as_well_not_be_there() -> None:
+    """What a drone sees of a race in which everybody else is more than 5 m off is what it sees alone."""
+    env, alone = race_env(4), race_env(1)
+    state = random_race(env, out=0.0, spread=30.0)
+    position = np.asarray(state.drones.position_w)
+    apart = np.linalg.norm(position[:, 1:] - position[:, :1], axis=0).min(axis=0)
+    seen = np.asarray(env.observe(state))[:, 0]
+    own = seen.shape[0] - opponents_seen(4, state).shape[0] * opponents_seen(4, state).shape[1]
+    assert own == alone.observe(random_race(alone)).shape[0]
+    assert (apart > 5).mean() > 0.3
+    assert (seen[own:, apart > 5] == 0).all()
+    assert (np.abs(seen[own:, apart < 4.9]).max(axis=0) > 0).all()
 
 
 @pytest.mark.parametrize("kind", ["paper", "extended"])
@@ -113,10 +133,12 @@ def test_extended_observation_sees_opponents_velocities_and_the_own_attitude() -
     env = race_env(2)
     state = random_race(env, out=0.0, spread=2.0, speed=2.0)
     body = state.drones.body
+    near = np.linalg.norm(np.diff(np.asarray(body.position_w), axis=1)[:, 0], axis=0) < 4.9
+    assert near.any()
 
     def seen(kind: str, **changes: np.ndarray) -> np.ndarray:
         changed = state._replace(drones=state.drones._replace(body=body._replace(**changes)))
-        return np.asarray(env.observe_as[kind](changed))[:, 0]  # of drone 0
+        return np.asarray(env.observe_as[kind](changed))[:, 0, near]  # of drone 0
 
     others = np.array([0.0, 0.5])[None, :, None]
     for change in (

@@ -32,6 +32,7 @@ def test_quantities_over_their_scales():
     position, velocity = (np.moveaxis(np.asarray(v), 0, 2) for v in (state.drones.position_w, state.drones.velocity_w))
     distance = np.linalg.norm(gates - position, axis=2)
     other = position[::-1] - position
+    apart = np.linalg.norm(other, axis=2, keepdims=True)
     expected = {
         "paper": {
             "to_gate": gates - position,
@@ -45,7 +46,7 @@ def test_quantities_over_their_scales():
             "distance": distance[..., None],
             "closing_speed": ((gates - position) * velocity).sum(axis=2, keepdims=True) / distance[..., None],
             "height": position[..., 2:],
-            "opponent_1_closeness": np.exp(-np.linalg.norm(other, axis=2, keepdims=True)),
+            "opponent_1_closeness": np.exp(-apart) * np.clip(2 - apart / 2.5, 0, 1),
         },
         "body": {"height": position[..., 2:]},
     }

@@ -21,6 +21,7 @@ LEVELS = {
     "self-play-only": (0.8, 4.1),
     "curriculum-only": (0.3, 4.2),
     "self-play-after": (0.95, 4.2),
+    "copies-only": (0.98, 4.3),
     "paper-reward": (0.0, 3.0),
     "paper-observation": (0.85, 4.0),
     "vanilla-stage5": (0.15, 2.8),

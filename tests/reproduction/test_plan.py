@@ -97,6 +97,7 @@ def test_kinds_differ_in_what_they_are_named_for():
     assert changed("self-play-only") == {"vanilla": True}
     assert changed("curriculum-only") == {"opponents.self_play": "off"}
     assert changed("self-play-after") == {"opponents.self_play": "after"}
+    assert changed("copies-only") == {"opponents.sparring_share": 0.0}
     assert changed("paper-observation") == {"observation": "paper"}
     assert {key.partition(".")[0] for key in changed("paper-reward")} == {"reward", "ppo"}
     assert changed("paper-reward")["ppo.after_crash"] == "nothing"

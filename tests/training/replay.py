@@ -10,6 +10,7 @@ import numpy as np
 from cruise.env.race_env import RaceEnv
 from cruise.env.types import RaceState, Rules
 from cruise.pilots.network import ActorCritic
+from cruise.pilots.scripted import Chaser
 from cruise.training.types import TrainState
 from tests.training import reference
 from tests.training.runs import TINY, tiny_trainer
@@ -38,6 +39,13 @@ def fly(env: RaceEnv, races: RaceState, actions: np.ndarray, rules: Rules) -> tu
     return env.step(races, env.decode(races.next_gate, jnp.asarray(actions, jnp.float32)), rules)
 
 
+@functools.cache
+def chase():
+    """Actions of chasers, compiled."""
+    command = functools.partial(Chaser().command, compiled_env())
+    return jax.jit(lambda races, sparring, agility: command(races, sparring.speed, sparring.push, agility))
+
+
 def networks_actions(model: ActorCritic, observation: np.ndarray) -> np.ndarray:
     """Mean actions [A, E] of observations [O, E]."""
     return reference.mean_action(model, observation)
@@ -60,7 +68,10 @@ def replay(before: TrainState, starts: RaceState, rules: Rules, alone: bool, own
         opponents = {use: networks_actions(model, observation[:, 1]) for use, model in generations(before)}
         scale = np.array([noise_scale(races, e) for e in range(older.size)])
         theirs = np.where(older, opponents[True], opponents[False])
-        races, outcome = fly(env, races, np.stack([action, theirs], axis=1), rules)
+        flown = np.array(env.decode(races.next_gate, np.stack([action, theirs], axis=1).astype(np.float32)))
+        by_hand = np.asarray(before.sparring.speed[1]) > 0
+        flown[:, 1, by_hand] = np.asarray(chase()(races, before.sparring, rules.agility))[:, 1, by_hand]
+        races, outcome = env.step(races, jnp.asarray(flown), rules)
         row = transition(before.model, observation[:, 0], action, scale, outcome)
         lived.append(row | {"restarted": restart})
         races, restart = numpy_copy(races), np.asarray(outcome.terminated[0])

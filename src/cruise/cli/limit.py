@@ -20,7 +20,7 @@ MAX_LAPS = 10
 
 @dataclass(frozen=True)
 class FindLimit:
-    """Compute the time-optimal lap of one drone alone; needs the extra `limit`."""
+    """Compute the time-optimal lap of a vehicle on a track."""
 
     track: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="NAME|FILE")]
     """Built-in track, or path of a TOML file."""

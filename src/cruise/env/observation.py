@@ -58,6 +58,7 @@ def _paper_opponents(position: Array, airborne: Array) -> list[Array]:
 
 
 GATE_RANGE, OPPONENT_RANGE, SPEED_RANGE, HEIGHT_RANGE = 5.0, 3.0, 5.0, 4.0  # scales of the extended observation
+NOTICE = 5.0  # an opponent farther away than this is not seen, one within half of it is seen whole [m]
 LOOK_AHEAD = 3.0  # how far constant velocity is trusted [s]
 MIN_CLOSING_SPEED = 0.5  # [m/s]
 LIMIT = 3.0  # the extended observation is clipped to [-LIMIT, LIMIT]
@@ -114,9 +115,10 @@ def _predicted_crossing(place: Float[Array, "3 *B"], velocity: Float[Array, "3 *
 
 
 def _nearest_first(normal: Array, state: RaceState) -> list[Float[Array, "9 N *B"]]:
-    """Nine numbers per opponent, all 0 for one that left the air.
+    """Nine numbers per opponent, all 0 for one that left the air or is far away.
 
-    Relative position and velocity, closeness, and time and closeness of the nearest approach at constant velocity.
+    Relative position and velocity, closeness, and time and closeness of the nearest approach at constant velocity. They
+    fade out with distance: where a drone that no race ever showed is far off, the policy flies as if it were alone.
     """
     position, velocity, airborne = state.drones.position_w, state.drones.velocity_w, state.airborne
     features, separations = [], []
@@ -128,7 +130,8 @@ def _nearest_first(normal: Array, state: RaceState) -> list[Float[Array, "9 N *B
         closeness = [jnp.exp(-separation), time / LOOK_AHEAD, jnp.exp(-norm(offset + motion * time))]
         vectors = [to_gate_frame(normal, offset), to_gate_frame(normal, motion)]
         seen = jnp.concatenate([vectors[0] / OPPONENT_RANGE, vectors[1] / OPPONENT_RANGE, jnp.stack(closeness)])
-        features.append(jnp.where(here, seen, 0.0))
+        noticed = jnp.clip(2.0 - 2.0 * separation / NOTICE, 0.0, 1.0)
+        features.append(jnp.where(here, noticed * jnp.clip(seen, -LIMIT, LIMIT), 0.0))
         separations.append(jnp.where(here, separation, ABSENT))
     places = ranks(separations)
 

@@ -107,7 +107,8 @@ def _opponent(place: int) -> tuple[Entry, ...]:
         entry(
             "offset",
             3,
-            "position minus own; opponents nearest first, zeros for one that left the air",
+            "position minus own; opponents nearest first, zeros for one that left the air; all of it, when clipped, "
+            "fades from whole at 2.5 m to nothing at 5 m",
             "m",
             OPPONENT_RANGE,
         ),

@@ -29,7 +29,7 @@ TO_WORLD = """\
     spoken[1] = s * forward + c * left;"""
 SCALES = (
     *("DISTANCE_MAX", "SPEED_MAX", "EPSILON", "GATE_RANGE", "OPPONENT_RANGE", "SPEED_RANGE", "HEIGHT_RANGE"),
-    *("LOOK_AHEAD", "MIN_CLOSING_SPEED", "LIMIT", "ABSENT"),
+    *("LOOK_AHEAD", "MIN_CLOSING_SPEED", "LIMIT", "ABSENT", "NOTICE"),
 )
 
 

@@ -17,7 +17,7 @@ from cruise.racing.field import opponent, opponents
 from cruise.vector import norm
 
 EPSILON = 1e-6
-
+Scalars = Float[Array, "N *B"] | float
 
 P = TypeVar("P", bound="Hover | Chaser")
 
@@ -87,13 +87,19 @@ class Chaser(eqx.Module):
     ) -> tuple[Memory, Float[Array, "A n *B"]]:
         """Track the velocity that leads through the gate, plus the push away from others."""
         del key
+        return memory, rows(self.command(env, state, self.speed, self.push, self.agility), drones, axis=1)
+
+    def command(
+        self, env: RaceEnv, state: RaceState, speed: Scalars, push: Scalars, agility: Array | float
+    ) -> Float[Array, "A N *B"]:
+        """Actions of all drones; `speed`, `push` and `agility` may differ from the pilot's own, drone by drone."""
         position = state.drones.position_w
         to_aim = aim_point(env.course, state.next_gate, position, self.lead) - position
-        wanted = self.speed * to_aim / (norm(to_aim) + EPSILON)
-        wanted += push_apart(position, state.airborne, self.clearance, self.push)
+        wanted = speed * to_aim / (norm(to_aim) + EPSILON)
+        wanted += push_apart(position, state.airborne, self.clearance, push)
         wanted = wanted.at[2].max(FLOOR - position[2])
         reference = Reference(velocity_w=wanted, velocity_gain=self.velocity_gain)
-        return memory, rows(env.dynamics.track(state.drones, reference, self.agility), drones, axis=1)
+        return env.dynamics.track(state.drones, reference, agility)
 
 
 BEHIND = 0.1  # a drone less than this before the gate's plane, and not in line with the opening, flies around [m]
@@ -118,7 +124,7 @@ def aim_point(course: Course, gate: Array, position_w: Float[Array, "3 *B"], lea
 
 
 def push_apart(
-    position_w: Float[Array, "3 N *B"], airborne: Array, clearance: float, strength: float
+    position_w: Float[Array, "3 N *B"], airborne: Array, clearance: float, strength: Scalars
 ) -> Float[Array, "3 N *B"]:
     """Velocity away from every drone in the air nearer than `clearance` [m/s]."""
     push = jnp.zeros_like(position_w)

@@ -30,6 +30,10 @@ def _self_play(mode: SelfPlayMode) -> Callable[[TrainConfig], TrainConfig]:
     return lambda config: replace(config, opponents=replace(config.opponents, self_play=mode))
 
 
+def _against_copies(config: TrainConfig) -> TrainConfig:
+    return replace(config, opponents=replace(config.opponents, sparring_share=0.0))
+
+
 def _as_printed(config: TrainConfig) -> TrainConfig:
     return replace(config, reward=REWARDS["paper"], ppo=replace(config.ppo, after_crash="nothing"))
 
@@ -73,6 +77,12 @@ _KINDS = (
         change=_self_play("after"),
     ),
     Kind(
+        "copies-only",
+        "against copies alone",
+        "CRUISE whose opponents in training are all frozen copies of itself, as in the paper: nobody to spar with",
+        change=_against_copies,
+    ),
+    Kind(
         "paper-reward",
         "printed reward weights",
         "CRUISE with the reward exactly as printed, the sign of the overtaking bonus too, and nothing after a crash",
@@ -93,7 +103,10 @@ _KINDS = (
 )
 KINDS: dict[str, Kind] = {kind.name: kind for kind in _KINDS}
 ENTRANTS = ("cruise", "vanilla", "se-ibr", "se-ibr-tuned")  # of the head-to-head races
-ABLATIONS = ("curriculum-only", "self-play-only", "self-play-after", "paper-reward", "paper-observation")
+ABLATIONS = (
+    *("curriculum-only", "self-play-only", "self-play-after"),
+    *("copies-only", "paper-reward", "paper-observation"),
+)
 ABLATION_DRONES = 4
 DRONES = (2, 3, 4)
 DUEL, MIXED = 2, 4  # drones of the head-to-head races: every pair, and one of each

@@ -29,6 +29,7 @@ def reasons(evidence: Evidence) -> tuple[Point, ...]:
         _vanilla,
         _per_drone,
         _self_play_order,
+        _sparring,
         _observation,
         _seeds,
     )
@@ -194,6 +195,16 @@ def _self_play_order(evidence: Evidence) -> Point:
         "Self-play within the curriculum or after it.",
         "The paper's text puts self-play after the curriculum, its Algorithm 1 inside every stage; the default is "
         f"inside. Inside against after: {_contrast(evidence, 'self-play-after')}",
+    )
+
+
+def _sparring(evidence: Evidence) -> Point:
+    return Point(
+        "Opponents that are not copies.",
+        "The paper's drones learn against frozen copies of themselves alone. Trained so, drones crashed in their duels "
+        "with planners and hand-written pilots, which fly as no copy does; so here some opponents in training are such "
+        "pilots, of many speeds. What that costs among copies, with sparring partners against without: "
+        f"{_contrast(evidence, 'copies-only')}",
     )
 
 

@@ -31,6 +31,7 @@ COLOURS = {
     "vanilla-stage5": "#B0771C",
     "curriculum-only": SKY,
     "self-play-after": BLACK,
+    "copies-only": "#3B7A3B",
     "paper-reward": "#7A7A7A",
     "paper-observation": "#8C6BB1",
 }

@@ -6,6 +6,7 @@ again, from the last checkpoint.
 """
 
 import dataclasses
+import logging
 import socket
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
@@ -105,6 +106,7 @@ def _start(ray: Any, cluster: Cluster) -> int:
     """Start Ray, or join the cluster; gives the cores for each job."""
     if cluster.address not in (None, "auto"):
         _find(cluster.address)
+    logging.getLogger("ray").setLevel(logging.ERROR)  # `logging_level` leaves out what Ray says before it starts
     local = {"include_dashboard": False} if cluster.address is None else {"address": cluster.address}
     try:
         ray.init(log_to_driver=False, logging_level="ERROR", configure_logging=False, **local)

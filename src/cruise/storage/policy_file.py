@@ -22,7 +22,7 @@ from cruise.storage import tensors
 from cruise.storage.atomic import read_bytes, write_atomically
 from cruise.storage.config_file import from_json, to_json
 
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2  # 1: an extended observation in which opponents did not fade with distance
 SHIPPED = Path(__file__).parent.parent / "policies"
 IN_RUN = "policy"  # stem of the policy in the folder of a training run
 MAX_WIDTH = 65_536  # of a layer

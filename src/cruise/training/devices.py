@@ -81,6 +81,7 @@ def state_specs(shape: TrainState) -> TrainState:
         model=everywhere,  # type: ignore[arg-type]
         optimiser=everywhere,
         opponents=pool,
+        sparring=over_races(shape.sparring),
         races=over_races(shape.races),
         restart=PartitionSpec(AXIS),  # type: ignore[arg-type]
         key=everywhere,  # type: ignore[arg-type]

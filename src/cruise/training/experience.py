@@ -11,10 +11,9 @@ from cruise.config import TrainConfig
 from cruise.env.race_env import RaceEnv
 from cruise.env.types import RaceState, Rules, StepOutcome
 from cruise.pilots.network import ActorCritic
-from cruise.training.types import OpponentPool, TrainState, Transitions
+from cruise.training.sparring import fly_sparring
+from cruise.training.types import ACTIVE, OpponentPool, TrainState, Transitions
 from cruise.vector import norm
-
-ACTIVE = 0  # the drone that learns; it starts in a random lane, so it is no special place
 
 
 class Draws(NamedTuple):
@@ -110,6 +109,7 @@ def make_collect(env: RaceEnv, config: TrainConfig) -> Collect:
     truncation costs nothing and is bootstrapped exactly.
     """
     ppo = config.ppo
+    spars = env.num_drones > 1 and config.opponents.sparring_share > 0 and config.opponents.self_play != "off"
 
     def collect(state: TrainState, draws: Draws, rules: Rules, alone: Array) -> tuple[TrainState, Experience]:
         start = hide_opponents(draws.start, alone)
@@ -128,7 +128,10 @@ def make_collect(env: RaceEnv, config: TrainConfig) -> Collect:
             everyone = action[:, None]
             if env.num_drones > 1:
                 everyone = jnp.concatenate([everyone, opponent_actions(opponents, observation[:, 1:])], axis=1)
-            races, outcome = env.step(races, env.decode(races.next_gate, everyone), rules)
+            flown = env.decode(races.next_gate, everyone)
+            if spars:
+                flown = fly_sparring(env, races, flown, state.sparring, rules.agility)
+            races, outcome = env.step(races, flown, rules)
             terminated = outcome.terminated[ACTIVE]
             density = log_prob(mean, model.log_std, action, noise_scale)
             transition = Transitions(own, action, noise_scale, density, value, outcome.reward[ACTIVE], terminated)

@@ -11,8 +11,8 @@ from cruise.config import SelfPlayConfig
 from cruise.env.race_env import RaceEnv
 from cruise.env.types import RaceState, Rules
 from cruise.pilots.network import ActorCritic
-from cruise.training.experience import ACTIVE, hide_opponents
-from cruise.training.types import OpponentPool, TrainState
+from cruise.training.experience import hide_opponents
+from cruise.training.types import ACTIVE, OpponentPool, TrainState
 from cruise.vector import norm
 
 

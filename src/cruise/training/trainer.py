@@ -28,6 +28,7 @@ from cruise.training.devices import (
 from cruise.training.experience import Draws, draw, hide_opponents, make_collect
 from cruise.training.ppo import flatten, make_learn, make_optimiser
 from cruise.training.self_play import Score, has_mastered, make_evaluate, may_replace, play_on, replace_opponents
+from cruise.training.sparring import draw_sparring
 from cruise.training.types import OpponentPool, TrainState
 
 
@@ -128,8 +129,16 @@ class Trainer:
         races = races._replace(step=jax.random.randint(age_key, (ppo.races,), 0, self.config.episode_steps))
         nobody = jnp.zeros(ppo.races, bool)
         pool = OpponentPool(model, model, nobody, jnp.zeros((), jnp.int32))
+        share = self.config.opponents.sparring_share
         return TrainState(
-            model, self.optimiser.init(flatten(model)), pool, races, nobody, key, jnp.zeros((), jnp.int32)
+            model=model,
+            optimiser=self.optimiser.init(flatten(model)),
+            opponents=pool,
+            sparring=draw_sparring(jax.random.fold_in(key, 1), env, ppo.races, share),
+            races=races,
+            restart=nobody,
+            key=key,
+            updates=jnp.zeros((), jnp.int32),
         )
 
     def initial_state(self) -> TrainState:

@@ -8,6 +8,8 @@ from jaxtyping import Array, Bool, Float, Int
 from cruise.env.types import RaceState
 from cruise.pilots.network import ActorCritic
 
+ACTIVE = 0  # the drone that learns; it starts in a random lane, so it is no special place
+
 
 class OpponentPool(NamedTuple):
     """Frozen opponents and which of them flies in which race.
@@ -22,12 +24,20 @@ class OpponentPool(NamedTuple):
     failed: Int[Array, ""]  # evaluations since the last replacement
 
 
+class Sparring(NamedTuple):
+    """Which opponents are chasers in place of a frozen policy, and how they fly: fixed for a run."""
+
+    speed: Float[Array, "N E"]  # [m/s]; 0: a policy flies
+    push: Float[Array, "N E"]  # away from drones nearby, per metre too near [1/s]; 0: it does not see them
+
+
 class TrainState(NamedTuple):
     """Everything an update depends on; saved whole in a checkpoint."""
 
     model: ActorCritic
     optimiser: optax.OptState
     opponents: OpponentPool
+    sparring: Sparring
     races: RaceState  # [..., N, E]
     restart: Bool[Array, "E"]  # races that begin anew at the next step
     key: Array

@@ -62,8 +62,9 @@ def _ppo_faults(ppo: PPOConfig) -> Iterator[str]:
 def _opponent_faults(opponents: SelfPlayConfig) -> Iterator[str]:
     yield from _below(1, opponents, "evaluate_every", "evaluation_races", "evaluation_steps")
     yield from _below(0, opponents, "patience")
-    if not 0 <= opponents.win_threshold <= 1:
-        yield f"win_threshold must be between 0 and 1, not {opponents.win_threshold}"
+    for name in ("win_threshold", "sparring_share"):
+        if not 0 <= getattr(opponents, name) <= 1:
+            yield f"{name} must be between 0 and 1, not {getattr(opponents, name)}"
 
 
 def _not_finite(config: object) -> Iterator[str]:
