@@ -211,7 +211,7 @@ class SelfPlayConfig:
     evaluate_every: int = 500_000  # T_eval, environment steps
     win_threshold: float = 0.6  # tau
     patience: int = 2  # evaluations short of tau after which opponents are replaced all the same; 0: never
-    sparring_share: float = 0.2  # of the opponents in training that chase gates by hand, at many speeds; 0: none
+    sparring_share: float = 0.1  # of the opponents in training that chase gates by hand, at many speeds; 0: none
     evaluation_races: int = 100  # n_eval
     evaluation_steps: int = 300  # length of an evaluation episode, in control steps
 

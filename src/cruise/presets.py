@@ -127,7 +127,9 @@ _BOLD = PPOConfig(
 def training_config(vehicle: str = "paper", drones: int = TrainConfig.drones) -> TrainConfig:
     """What so many drones of a vehicle are trained with where nobody says otherwise."""
     if vehicle == "paper":
-        return TrainConfig(drones=drones, ppo=_BOLD if drones <= 2 else PPOConfig())
+        # As many partners as opponents in a race: of three, one in ten is enough, and one in five disturbs the rest.
+        opponents = SelfPlayConfig(sparring_share=0.2 if drones <= 3 else 0.1)
+        return TrainConfig(drones=drones, ppo=_BOLD if drones <= 2 else PPOConfig(), opponents=opponents)
     return TrainConfig(
         drones=drones,
         vehicle=vehicle,

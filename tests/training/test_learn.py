@@ -76,7 +76,7 @@ def learner(config: PPOConfig = CONFIG) -> Callable[[TrainState, Problem], Train
 def beginner(seed: int = 0, updates: int = 0) -> TrainState:
     model = ActorCritic(1, 2, CONFIG.hidden, -0.5, jax.random.key(seed))
     optimiser = make_optimiser(CONFIG, UPDATES).init(flatten(model))
-    return TrainState(model, optimiser, None, None, None, jax.random.key(seed), jnp.asarray(updates, jnp.int32))
+    return TrainState(model, optimiser, None, None, None, None, jax.random.key(seed), jnp.asarray(updates, jnp.int32))
 
 
 def learned(problem: Problem, config: PPOConfig = CONFIG) -> ActorCritic:

@@ -107,7 +107,7 @@ def _nearest_first(g: Graph, state: StateInputs, rotation: Value) -> Value:
     )
     here = g.expand(state.others_airborne, 2)
     noticed = g.clip(2.0 - 2.0 * separation / env.NOTICE, 0.0, 1.0)
-    features = g.expand(noticed, 2) * g.clip(features, -env.LIMIT, env.LIMIT)
+    features = noticed * g.clip(features, -env.LIMIT, env.LIMIT)
     seen = g.node("Where", here, features, 0.0 * features, kind=np.float32)
     ranked = g.node("Where", here, separation, 0.0 * separation + env.ABSENT, kind=np.float32)
     count = g.part(g.node("Shape", seen, kind=np.int64), 1, 2, axis=0)

@@ -20,7 +20,7 @@ def draw_sparring(key: Array, env: RaceEnv, num_races: int, share: float) -> Spa
     opponents = jnp.arange(env.num_drones)[:, None] != ACTIVE
     partners = opponents & (jax.random.uniform(where, shape) < share)
     speed = jax.random.uniform(how_fast, shape, minval=SLOWEST * fastest, maxval=fastest)
-    push = jnp.where(jax.random.bernoulli(looks, shape=shape), Chaser().push, 0.0)
+    push = Chaser().push * jax.random.bernoulli(looks, shape=shape).astype(speed.dtype)
     return Sparring(jnp.where(partners, speed, 0.0), push)
 
 
