@@ -63,7 +63,7 @@ policies: $(VENV)/.installed $(CELLS:%=runs/%/policy.json)
 	@for cell in $(CELLS); do for kind in safetensors json; do \
 	  cp runs/$$cell/policy.$$kind src/cruise/policies/$$cell.$$kind; done; done
 
-# Of four seeds the one that flies best; and a dearer crash where 97 % of the drones finished, not 99 %.
+# Of two seeds the one that flies best; and a dearer crash, of which four drones on the figure-eight have more.
 EXTRA.figure-eight-2 := --seed 2
 EXTRA.figure-eight-4 := --terminal -20
 
