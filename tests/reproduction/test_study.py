@@ -136,6 +136,9 @@ def test_options_that_came_later_change_nothing(work):
     for config in (older, nested, cell.config | {"gone": 1}, cell.config | {"checkpoint_seconds": 1.0}):
         work.results.write(CRUISE, dataclasses.replace(cell, config=config))
         assert state_of(work, CRUISE) == "done"
+    partners = {k: v for k, v in cell.config["opponents"].items() if k != "sparring_share"}  # it marks an era
+    work.results.write(CRUISE, dataclasses.replace(cell, config=cell.config | {"opponents": partners}))
+    assert state_of(work, CRUISE) == "other settings"
     changed = to_data(config_of(CRUISE, SCALE)) | {"seed": 5}
     work.results.write(CRUISE, dataclasses.replace(cell, config=changed))
     assert state_of(work, CRUISE) == "other settings"

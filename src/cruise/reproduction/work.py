@@ -76,6 +76,8 @@ class Work:
 PLANNERS: dict[str, Setting] = {"se-ibr": "paper", "se-ibr-tuned": "tuned"}
 # Fields of a configuration that change nothing in what is learned.
 IMMATERIAL = ("checkpoint_seconds",)
+# Options since which every policy learns and sees otherwise, whatever their value.
+ERAS = ("sparring_share",)
 
 
 def settings_of(job: Job, scale: Scale) -> dict[str, Any]:
@@ -90,12 +92,14 @@ def is_current(cell: Cell, job: Job, scale: Scale) -> bool:
     """Whether a cell was made with the settings that the plan has today.
 
     Fields that one of the two does not know are no difference: a program that has grown an option still knows the
-    results from before, which had none.
+    results from before, which had none. But for those that mark an era.
     """
     return _agree(cell.config, settings_of(job, scale))
 
 
 def _agree(kept: dict[str, Any], planned: dict[str, Any]) -> bool:
+    if any(key in planned and key not in kept for key in ERAS):
+        return False
     shared = [key for key in kept if key in planned and key not in IMMATERIAL]
     return all(
         _agree(kept[key], planned[key]) if isinstance(kept[key], dict) else _plain(kept[key]) == _plain(planned[key])
