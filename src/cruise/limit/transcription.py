@@ -1,7 +1,8 @@
 """A time-optimal lap as a nonlinear programme: direct multiple shooting, a stretch of equal steps from gate to gate."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -10,6 +11,7 @@ from cruise.config import Gate, Track
 from cruise.errors import CruiseError
 from cruise.limit.models import ATTITUDE, POSITION, VELOCITY, Model, Range
 
+Condition = tuple[ca.MX, Range]  # an expression, and within which bounds it must lie
 SMOOTH = 1e-5  # weight of the controls' squared changes, over their range: picks one of many equal optima
 SLOWEST = 0.2  # least speed through a gate along its normal [m/s]
 
@@ -38,6 +40,28 @@ class Lap:
         return np.concatenate([[0.0], np.cumsum(np.repeat(self.duration / self.steps, self.steps))])
 
 
+class _Unknowns(NamedTuple):
+    durations: ca.MX  # [S]
+    states: ca.MX  # [X, S K + 1]
+    controls: ca.MX  # [U, S K]
+
+
+def _unknowns(model: Model, stretches: int, steps: int) -> _Unknowns:
+    nodes = stretches * steps
+    return _Unknowns(
+        ca.MX.sym("T", stretches),
+        ca.MX.sym("x", model.state_size, nodes + 1),
+        ca.MX.sym("u", len(model.control[0]), nodes),
+    )
+
+
+def _unpacked(numbers: np.ndarray, like: Lap) -> Lap:
+    """The numbers of a lap, which lie behind each other, in its shapes."""
+    first, last = like.duration.size, numbers.size - like.control.size
+    duration, state, control = numbers[:first], numbers[first:last], numbers[last:]
+    return Lap(duration, state.reshape(like.state.shape), control.reshape(like.control.shape))
+
+
 @dataclass(frozen=True)
 class Problem:
     """Laps of a track, from gate 0 to gate 0: one in periodic flight, or some from standing."""
@@ -49,32 +73,17 @@ class Problem:
 
     def solve(self, guess: Lap) -> Lap:
         """The fastest lap near the guess, in as many steps. Raises CruiseError where the solver finds none."""
-        stretches, steps = len(guess.duration), guess.steps
-        nodes = stretches * steps
-        durations = ca.MX.sym("T", stretches)
-        states = ca.MX.sym("x", self.model.state_size, nodes + 1)
-        controls = ca.MX.sym("u", len(self.model.control[0]), nodes)
-        step = ca.repmat((durations / steps).T, steps, 1).reshape((1, nodes))
-        conditions = [
-            (shooting(self.model).map(nodes)(states[:, :-1], controls, step) - states[:, 1:], _zeros(states[:, 1:])),
-            *self._ends(states),
-            *(self._through(s % len(self.track.gates), states[:, s * steps]) for s in range(1, stretches + 1)),
-        ]
-        if self.model.path is not None:
-            low, high = self.model.path_range
-            along = _function(self.model, self.model.path).map(nodes)(states[:, :-1], controls)
-            conditions.append((along, (np.tile(low, nodes), np.tile(high, nodes))))
+        unknown = _unknowns(self.model, len(guess.duration), guess.steps)
+        conditions = [*self._motion(unknown), *self._ends(unknown.states), *self._gates(unknown)]
         span = self.model.control[1] - self.model.control[0]
-        change = (controls[:, 1:] - controls[:, :-1]) / span
-        cost = ca.sum1(durations) + SMOOTH * ca.sumsqr(change)
-        variables = ca.veccat(durations, states, controls)
-        low, high = self._bounds(stretches, nodes)
+        change = (unknown.controls[:, 1:] - unknown.controls[:, :-1]) / span
         programme: dict[str, Any] = {
-            "x": variables,
-            "f": cost,
+            "x": ca.veccat(*unknown),
+            "f": ca.sum1(unknown.durations) + SMOOTH * ca.sumsqr(change),
             "g": ca.veccat(*(condition for condition, _ in conditions)),
         }
         solver = ca.nlpsol("lap", "ipopt", programme, _OPTIONS)
+        low, high = self._bounds(len(guess.duration), len(guess.control))
         found = solver(
             x0=np.concatenate([guess.duration, guess.state.ravel(), guess.control.ravel()]),
             lbx=low,
@@ -85,12 +94,29 @@ class Problem:
         status = solver.stats()["return_status"]
         if status not in ("Solve_Succeeded", "Solved_To_Acceptable_Level"):
             raise CruiseError(f"no fastest lap of {self.track.name} by {self.model.name} found: IPOPT says {status}")
-        numbers = np.array(found["x"]).ravel()
-        duration, rest = numbers[:stretches], numbers[stretches:]
-        size = (nodes + 1) * self.model.state_size
-        return Lap(duration, rest[:size].reshape(nodes + 1, -1), rest[size:].reshape(nodes, -1))
+        return _unpacked(np.array(found["x"]).ravel(), guess)
 
-    def _ends(self, states: ca.MX) -> list[tuple[ca.MX, Range]]:
+    def _motion(self, unknown: _Unknowns) -> list[Condition]:
+        """Every step ends where the next begins, and what holds along the path holds at its start."""
+        nodes = unknown.controls.shape[1]
+        stretches = unknown.durations.numel()
+        steps = nodes // stretches
+        step = ca.repmat((unknown.durations / steps).T, steps, 1).reshape((1, nodes))
+        starts, ends = unknown.states[:, :-1], unknown.states[:, 1:]
+        gap = shooting(self.model).map(nodes)(starts, unknown.controls, step) - ends
+        if self.model.path is None:
+            return [(gap, _zeros(gap))]
+        low, high = self.model.path_range
+        along = _function(self.model, self.model.path).map(nodes)(starts, unknown.controls)
+        return [(gap, _zeros(gap)), (along, (np.tile(low, nodes), np.tile(high, nodes)))]
+
+    def _gates(self, unknown: _Unknowns) -> list[Condition]:
+        """Every stretch ends in the gate that it leads to."""
+        stretches = unknown.durations.numel()
+        steps, gates = unknown.controls.shape[1] // stretches, len(self.track.gates)
+        return [self._through(s % gates, unknown.states[:, s * steps]) for s in range(1, stretches + 1)]
+
+    def _ends(self, states: ca.MX) -> list[Condition]:
         """What joins the end of the lap with its start."""
         first, last = states[:, 0], states[:, -1]
         if self.standing_laps:
@@ -103,7 +129,7 @@ class Problem:
             joined += [turn, apart[10:], ca.sumsqr(first[ATTITUDE]) - 1]
         return [(condition, _zeros(condition)) for condition in joined]
 
-    def _through(self, gate: int, state: ca.MX) -> tuple[ca.MX, Range]:
+    def _through(self, gate: int, state: ca.MX) -> Condition:
         """On the plane of a gate, inside its opening with the margin, in the direction of flight."""
         opening = self.track.gates[gate]
         place = gate_frame(opening, state[POSITION] - ca.DM(list(opening.position_w)))
@@ -158,9 +184,9 @@ def shooting(model: Model) -> ca.Function:
     return ca.Function("step", [x, u, h], [end])
 
 
-def _function(model: Model, expression: object) -> ca.Function:
+def _function(model: Model, expression: Callable[[ca.SX, ca.SX], ca.SX]) -> ca.Function:
     x, u = ca.SX.sym("x", model.state_size), ca.SX.sym("u", len(model.control[0]))
-    return ca.Function("path", [x, u], [expression(x, u)])  # type: ignore[operator]
+    return ca.Function("path", [x, u], [expression(x, u)])
 
 
 def _between(a: ca.MX, b: ca.MX) -> ca.MX:

@@ -13,7 +13,7 @@ SLOWEST = 0.1  # of the speed that the vehicle's velocity loop is meant for
 
 
 def draw_sparring(key: Array, env: RaceEnv, num_races: int, share: float) -> Sparring:
-    """Partners in `share` of the races, of every speed, half of them blind to other drones."""
+    """Each opponent of each race is a partner with probability `share`; of every speed, and half of them are blind."""
     where, how_fast, looks = jax.random.split(key, 3)
     shape = (env.num_drones, num_races)
     fastest = env.vehicle.tracking.speed
