@@ -118,14 +118,14 @@ def _races(folder: ResultFolder, scale: Scale) -> Iterator[tuple[Place, RaceLog]
 def mixed_settings(evidence: Evidence) -> list[str]:
     """Kinds whose cells were not all made with the same settings.
 
-    Track, drones and seed apart, and what the plan lets depend on them: the planner's style, the boldness of learning.
+    Track, drones and seed apart, and what the plan lets depend on them: the planner's style, the boldness of learning, the share of sparring partners.
     """
     own = ("track", "drones", "seed", "checkpoint_seconds")
     seen: dict[tuple[str, Any], list[dict[str, Any]]] = {}
     for cell in evidence.all_cells:
         settings = {name: value for name, value in cell.config.items() if name not in own}
-        planner = KINDS[cell.kind].family == "planner"
-        group = (cell.kind, cell.track if planner else evidence.scale.base(cell.drones).ppo)
+        planner, usual = KINDS[cell.kind].family == "planner", evidence.scale.base(cell.drones)
+        group = (cell.kind, cell.track if planner else (usual.ppo, usual.opponents))
         if settings not in seen.setdefault(group, []):
             seen[group].append(settings)
     return list(dict.fromkeys(kind for (kind, _), settings in seen.items() if len(settings) > 1))
