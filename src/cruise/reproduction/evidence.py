@@ -118,7 +118,8 @@ def _races(folder: ResultFolder, scale: Scale) -> Iterator[tuple[Place, RaceLog]
 def mixed_settings(evidence: Evidence) -> list[str]:
     """Kinds whose cells were not all made with the same settings.
 
-    Track, drones and seed apart, and what the plan lets depend on them: the planner's style, the boldness of learning, the share of sparring partners.
+    Track, drones and seed apart, and what the plan lets depend on them: the planner's style, the boldness of learning,
+    the share of sparring partners.
     """
     own = ("track", "drones", "seed", "checkpoint_seconds")
     seen: dict[tuple[str, Any], list[dict[str, Any]]] = {}
