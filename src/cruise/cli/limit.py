@@ -15,8 +15,6 @@ from cruise.vehicles import find_vehicle
 if TYPE_CHECKING:
     from cruise.limit.lap import Limit
 
-MAX_LAPS = 10
-
 
 @dataclass(frozen=True)
 class FindLimit:
@@ -40,13 +38,13 @@ class FindLimit:
     def run(self) -> int:
         """Solve, print the lap and its splits, write the log."""
         check_output("--log", self.log, ".npz")
-        if not 1 <= self.laps <= MAX_LAPS:
-            raise CruiseError(f"--laps must be between 1 and {MAX_LAPS}, not {self.laps}")
         track, vehicle = load_track(self.track), find_vehicle(self.vehicle)
         _check_casadi()
-        from cruise.limit.lap import find_limit  # noqa: PLC0415  (imports CasADi, and JAX with the rotors)
+        from cruise.limit.lap import MAX_LAPS, find_limit  # noqa: PLC0415  (imports CasADi, and JAX with the rotors)
         from cruise.limit.log import limit_log  # noqa: PLC0415
 
+        if not 1 <= self.laps <= MAX_LAPS:
+            raise CruiseError(f"--laps must be between 1 and {MAX_LAPS}, not {self.laps}")
         limit = find_limit(track, vehicle, self.margin, self.laps if self.standing else 0, self.steps)
         print("\n".join(told(limit)))
         if self.log is not None:

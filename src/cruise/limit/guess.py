@@ -40,14 +40,3 @@ def from_point_mass(lap: Lap, model: Model, gravity: float) -> Lap:
     state[:, : VELOCITY.stop] = lap.state
     state[:, ATTITUDE] = attitude_of(force)
     return Lap(lap.duration, state, model.lift * share[:-1])
-
-
-def refined(lap: Lap, steps: int) -> Lap:
-    """The same lap in more steps."""
-    if steps == lap.steps:
-        return lap
-    empty = np.zeros((len(lap.duration) * steps, 0))
-    fine = Lap(lap.duration, np.zeros((len(empty) + 1, 0)), empty).clock
-    state = np.stack([np.interp(fine, lap.clock, column) for column in lap.state.T], axis=1)
-    held = np.clip(np.searchsorted(lap.clock, fine[:-1], side="right") - 1, 0, len(lap.control) - 1)
-    return Lap(lap.duration, state, lap.control[held])

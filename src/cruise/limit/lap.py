@@ -16,6 +16,7 @@ from cruise.racing.course import make_course
 from cruise.racing.gates import PlaneCrossing, cross_plane
 from cruise.racing.track_geometry import lap_length
 
+MAX_LAPS = 10  # as one programme
 FIRST_SPEEDS = (4.0, 8.0, 2.0)  # of the line that the search starts with, tried in turn [m/s]
 
 
@@ -95,8 +96,8 @@ def _check(track: Track, margin: float, standing_laps: int, steps: int) -> None:
     widest = min(min(gate.width, gate.height) for gate in track.gates) / 2
     if not (math.isfinite(margin) and 0 <= margin < widest):
         raise CruiseError(f"margin must be from 0 to less than {widest:g} m, half the smallest opening, not {margin}")
-    if not 0 <= standing_laps <= 10:
-        raise CruiseError(f"laps from standing must be from 1 to 10, not {standing_laps}")
+    if not 0 <= standing_laps <= MAX_LAPS:
+        raise CruiseError(f"laps from standing must be from 1 to {MAX_LAPS}, not {standing_laps}")
     if not 5 <= steps <= 200:
         raise CruiseError(f"steps must be from 5 to 200, not {steps}")
 

@@ -7,6 +7,7 @@ from cruise.limit.lap import Limit
 from cruise.limit.models import ATTITUDE, POSITION, VELOCITY
 from cruise.limit.transcription import Lap
 from cruise.storage.race_log import EVENT_KINDS, NOBODY, EventKind, RaceLog
+from cruise.storage.recorder import track_arrays
 
 PILOT = "limit"
 
@@ -34,12 +35,7 @@ def limit_log(limit: Limit, laps: int = 1) -> RaceLog:
         action=np.zeros((len(time), 1, 4), np.float32),
         next_gate=(passed % len(gates)).astype(np.int32)[:, None],
         airborne=(time < lap.time)[:, None],
-        gate_position=np.array([gate.position_w for gate in gates]),
-        gate_yaw=np.array([gate.yaw for gate in gates]),
-        gate_size=np.array([(gate.width, gate.height) for gate in gates]),
-        bounds=np.array([limit.track.bounds_low, limit.track.bounds_high]),
-        frame_width=limit.track.frame_width,
-        leave_distance=limit.track.leave_distance,
+        **track_arrays(limit.track),
         event_time=event_time,
         event_drone=np.zeros(len(event_time), np.int32),
         event_kind=kind.astype(np.int32),
@@ -47,7 +43,6 @@ def limit_log(limit: Limit, laps: int = 1) -> RaceLog:
         event_other=np.full(len(event_time), NOBODY, np.int32),
         event_kind_names=np.array(EVENT_KINDS),
         pilots=np.array([PILOT]),
-        track=limit.track.name,
         vehicle=limit.vehicle.name,
         laps=len(lap.duration) // len(gates),
         control_dt=dt,

@@ -1,7 +1,7 @@
 """From what a rollout flew to one race log per race, with events at interpolated times."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Array
@@ -55,7 +55,6 @@ def _one_log(flight: Flight, info: RaceInfo, events: _Events, race: int) -> Race
     mine = _Events(*(column[events.race == race] for column in events))
     action = np.zeros((samples, airborne.shape[1], flight.action.shape[1]), np.float32)
     action[:-1] = np.moveaxis(flight.action[: samples - 1, :, :, race], 1, 2)
-    gates = info.track.gates
     return RaceLog(
         time=_time(flight, np.arange(samples)),
         position_w=_users(flight.position_w[:samples, :, :, race]),
@@ -64,12 +63,7 @@ def _one_log(flight: Flight, info: RaceInfo, events: _Events, race: int) -> Race
         action=action,
         next_gate=flight.next_gate[:samples, :, race].astype(np.int32),
         airborne=airborne[:samples].copy(),
-        gate_position=np.array([gate.position_w for gate in gates], np.float64),
-        gate_yaw=np.array([gate.yaw for gate in gates], np.float64),
-        gate_size=np.array([(gate.width, gate.height) for gate in gates], np.float64),
-        bounds=np.array([info.track.bounds_low, info.track.bounds_high], np.float64),
-        frame_width=info.track.frame_width,
-        leave_distance=info.track.leave_distance,
+        **track_arrays(info.track),
         event_time=mine.time,
         event_drone=mine.drone,
         event_kind=mine.kind,
@@ -77,13 +71,26 @@ def _one_log(flight: Flight, info: RaceInfo, events: _Events, race: int) -> Race
         event_other=mine.other,
         event_kind_names=np.array(EVENT_KINDS),
         pilots=np.array(info.pilots, dtype=str),
-        track=info.track.name,
         vehicle=info.vehicle,
         laps=info.laps,
         control_dt=flight.control_dt,
         collision_distance=info.collision_distance,
         collision_aspect=info.collision_aspect,
     )
+
+
+def track_arrays(track: Track) -> dict[str, Any]:
+    """The fields of a log that its track decides."""
+    gates = track.gates
+    return {
+        "track": track.name,
+        "gate_position": np.array([gate.position_w for gate in gates], np.float64),
+        "gate_yaw": np.array([gate.yaw for gate in gates], np.float64),
+        "gate_size": np.array([(gate.width, gate.height) for gate in gates], np.float64),
+        "bounds": np.array([track.bounds_low, track.bounds_high], np.float64),
+        "frame_width": track.frame_width,
+        "leave_distance": track.leave_distance,
+    }
 
 
 def _users(values: np.ndarray) -> np.ndarray:
