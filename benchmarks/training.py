@@ -84,7 +84,7 @@ def environment_flop(env: RaceEnv, rules: Rules, races: int = 64) -> float | Non
     """Of stepping and observing one race with all its drones, as XLA counts them before it optimises."""
 
     def step(state: RaceState, action: jax.Array, rules: Rules) -> tuple:
-        state, outcome = env.step(state, env.decode(state.next_gate, action), rules)
+        state, outcome = env.step(state, env.decode(state, action), rules)
         return env.observe(state), outcome.reward, outcome.terminated, state
 
     state = jax.eval_shape(lambda key: env.reset(key, (races,)), jax.random.key(0))

@@ -56,6 +56,7 @@ def race(
     laps: int | None = None,
     seed: int = 0,
     vehicle: str | None = None,
+    randomise: float = 0.0,
 ) -> RaceLog:
     """Fly one race from a random standing start and give its log.
 
@@ -68,6 +69,7 @@ def race(
         laps: by default the track's.
         seed: the same seed gives the same race.
         vehicle: name of the vehicle that all fly; by default the one that the pilots were made for, or `paper`.
+        randomise: how far the race differs from what vehicle and track say, as a share of `presets.RANDOMISATION`.
 
     Returns:
         The race as NumPy arrays; `log.save("race.npz")` keeps it.
@@ -75,7 +77,7 @@ def race(
     Raises:
         CruiseError: what was asked for does not exist or does not go together.
     """
-    match = matches.make_match(_track(track), drones, pilots, laps, vehicle=vehicle)
+    match = matches.make_match(_track(track), drones, pilots, laps, vehicle=vehicle, randomise=randomise)
     return next(matches.run_races(match, 1, seed))
 
 
@@ -86,6 +88,7 @@ def evaluate(
     episodes: int = 100,
     seed: int = 0,
     vehicle: str | None = None,
+    randomise: float = 0.0,
 ) -> Evaluation:
     """Measure pilots over many races, each from a fresh random start.
 
@@ -96,6 +99,7 @@ def evaluate(
         episodes: number of races.
         seed: of the starts, which differ from those of training for every seed.
         vehicle: as for `race`.
+        randomise: as for `race`.
 
     Returns:
         Success, lap times, speeds, collisions and overtakes, each with mean, standard deviation and 95 % interval;
@@ -104,7 +108,7 @@ def evaluate(
     Raises:
         CruiseError: what was asked for does not exist or does not go together.
     """
-    return matches.evaluate(_track(track), drones, pilots, episodes, seed, vehicle)
+    return matches.evaluate(_track(track), drones, pilots, episodes, seed, vehicle, randomise)
 
 
 def replay(

@@ -149,6 +149,7 @@ class Stage:
     gate_tolerance: float  # margin around the opening in which a crossing still counts [m]
     w_over: float
     terminal_collisions: bool
+    crash_share: float = 1.0  # of the price of a crash that ends an episode, `RewardWeights.terminal`
 
 
 @dataclass(frozen=True)
@@ -212,8 +213,33 @@ class SelfPlayConfig:
     win_threshold: float = 0.6  # tau
     patience: int = 2  # evaluations short of tau after which opponents are replaced all the same; 0: never
     sparring_share: float = 0.1  # of the opponents in training that chase gates by hand, at many speeds; 0: none
+    vary_field: bool = False  # a race in training has 1 to N drones, each number as often
     evaluation_races: int = 100  # n_eval
     evaluation_steps: int = 300  # length of an evaluation episode, in control steps
+
+
+@dataclass(frozen=True)
+class Randomisation:
+    """How far a race may be from what vehicle and track say, drawn anew for every race; 0 changes nothing.
+
+    A spread is the largest relative deviation, drawn evenly from both sides. An error is the standard deviation of what
+    a sensor is wrong by for a whole race; half as much white noise comes on top of it at every control step.
+    """
+
+    mass_spread: float = 0.0
+    inertia_spread: float = 0.0
+    thrust_spread: float = 0.0  # of what the rotors give
+    drag_spread: float = 0.0
+    lag_spread: float = 0.0  # of the time constants of rotors and of the rate loop
+    extra_delay: float = 0.0  # longest, beyond the vehicle's own, from an action to its effect [s]
+    wind_speed: float = 0.0  # strongest, steady and level, from anywhere [m/s]
+    gust_speed: float = 0.0  # root mean square along every axis [m/s]
+    gate_shift: float = 0.0  # farthest along every axis [m]
+    gate_turn: float = 0.0  # largest, about the vertical [rad]
+    position_error: float = 0.0  # along every axis [m]
+    velocity_error: float = 0.0  # along every axis [m/s]
+    attitude_error: float = 0.0  # about every axis [rad]
+    rate_error: float = 0.0  # about every axis [rad/s]
 
 
 @dataclass(frozen=True)
@@ -233,3 +259,4 @@ class TrainConfig:
     reward: RewardWeights = field(default_factory=RewardWeights)
     ppo: PPOConfig = field(default_factory=PPOConfig)
     opponents: SelfPlayConfig = field(default_factory=SelfPlayConfig)
+    randomisation: Randomisation = field(default_factory=Randomisation)

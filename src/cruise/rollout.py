@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Array
 
 from cruise.env.race_env import RaceEnv
+from cruise.env.surroundings import MovedGates, perceive
 from cruise.env.types import Collisions, RaceState, Rules, race_rules
 from cruise.errors import CruiseError
 from cruise.pilots.base import Crew, Memory, Pilot, crews
@@ -37,6 +38,7 @@ class Flight(NamedTuple):
     action: np.ndarray  # [K, A, N, *B]
     crossing: Crossing  # [K, N, *B] each
     collisions: Collisions  # [K, N, *B] each, bool
+    moved: MovedGates | None = None  # NumPy, where races differ in their gates
 
 
 class _Sample(NamedTuple):
@@ -114,7 +116,8 @@ def fly_from(
         pieces.append(jax.tree.map(np.asarray, piece))
         if not np.asarray(last.airborne).any():
             break
-    return _join(env, pieces, jax.tree.map(np.asarray, last), steps)
+    moved = jax.tree.map(np.asarray, carry.state.surroundings.gates)
+    return _join(env, pieces, jax.tree.map(np.asarray, last), steps)._replace(moved=moved)
 
 
 @eqx.filter_jit
@@ -143,8 +146,11 @@ def _fly_chunk(
 def act_together(
     env: RaceEnv, groups: tuple[Crew, ...], memories: tuple, state: RaceState, key: Array
 ) -> tuple[tuple, Array]:
-    """The crews' new memories, and every crew's actions in the order of the drones [A, N, *B]."""
-    env = _observing_once(env)
+    """The crews' new memories, and every crew's actions in the order of the drones [A, N, *B].
+
+    Pilots are shown the race as their drones measure it.
+    """
+    env, state = _observing_once(env), perceive(state)
     remembered: list[Memory] = []
     actions: list[Array] = []
     order: list[int] = []

@@ -22,6 +22,7 @@ FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 MINIATURE = {
     "train": "--step-scale 0.001 --races 64 --episodes 4 --evaluation-races 8 --evaluation-steps 20",
     "evaluate": "--episodes 2",
+    "robustness": "--episodes 1",
     "race": "--laps 1",
     "limit": "--steps 8",
     "reproduce": "--list",

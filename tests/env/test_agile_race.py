@@ -14,6 +14,7 @@ from cruise.dynamics import DroneState, FreeBody, Parameters
 from cruise.dynamics.quadrotor import Memory
 from cruise.env.observation_body import CORNER_RANGE, NEAREST, OPPONENT_RANGE, OPPONENT_SIZE, SPEED_RANGE
 from cruise.env.race_env import RaceEnv, make_race_env
+from cruise.env.surroundings import Conditions
 from cruise.env.types import RaceState, race_rules
 from cruise.presets import TRACKS, VEHICLES
 from tests.env.races import before_gate, forward
@@ -167,7 +168,7 @@ def test_every_direction_looks_alike() -> None:
     np.testing.assert_allclose(after, race_env(2).observe(state), atol=1e-5)
     action = jnp.asarray(np.random.default_rng(0).uniform(-1, 1, (4, 2, RACES)), jnp.float32)
     for kind in there.decode_as:
-        np.testing.assert_array_equal(there.decode_as[kind](state.next_gate, action), action)
+        np.testing.assert_array_equal(there.decode_as[kind](state, action), action)
 
 
 def test_one_race_is_a_batch_of_races() -> None:
@@ -224,8 +225,8 @@ def test_downwash_is_felt_in_a_race_by_who_is_in_the_air() -> None:
 def test_races_may_begin_with_drones_that_differ() -> None:
     """What `perturb` draws is new for every drone of every race, stays with it, and decides how it flies."""
 
-    def heavier(key: jax.Array, shape: tuple[int, ...]) -> Parameters:
-        return Parameters(mass=RACER.mass * jax.random.uniform(key, shape, minval=1.0, maxval=1.5))
+    def heavier(key: jax.Array, shape: tuple[int, ...]) -> Conditions:
+        return Conditions(Parameters(mass=RACER.mass * jax.random.uniform(key, shape, minval=1.0, maxval=1.5)))
 
     env = make_race_env(RING, 2, RACER, "body", perturb=heavier)
     state = quick_jit(env.reset, static_argnums=1)(jax.random.key(4), (RACES,))

@@ -183,11 +183,11 @@ def test_to_the_extended_observation_every_direction_looks_alike() -> None:
 
     action = jnp.asarray(np.random.default_rng(1).uniform(-1, 1, (3, 2, RANDOM_RACES)), jnp.float32)
     ours, theirs = (
-        here.decode_as["extended"](state.next_gate, action),
-        there.decode_as["extended"](moved.next_gate, action),
+        here.decode_as["extended"](state, action),
+        there.decode_as["extended"](moved, action),
     )
     np.testing.assert_allclose(theirs, np.einsum("ij,jne->ine", turn, ours), atol=1e-5)
-    np.testing.assert_array_equal(here.decode_as["paper"](state.next_gate, action), action)
+    np.testing.assert_array_equal(here.decode_as["paper"](state, action), action)
 
 
 def test_a_policy_on_the_extended_observation_speaks_in_the_gates_frame() -> None:
@@ -195,9 +195,10 @@ def test_a_policy_on_the_extended_observation_speaks_in_the_gates_frame() -> Non
     env = race_env(1, EIGHT)
     gate, forward = jnp.arange(6)[None], jnp.zeros((3, 1, 6)).at[0].set(1.0)
     normals = [[np.cos(g.yaw), np.sin(g.yaw), 0.0] for g in EIGHT.gates]
-    np.testing.assert_allclose(env.decode_as["extended"](gate, forward)[:, 0], np.transpose(normals), atol=1e-6)
+    state = env.reset(jax.random.key(0), (6,))._replace(next_gate=gate)
+    np.testing.assert_allclose(env.decode_as["extended"](state, forward)[:, 0], np.transpose(normals), atol=1e-6)
     action = jnp.asarray(np.random.default_rng(2).uniform(-1, 1, (3, 1, 6)), jnp.float32)
-    world = np.asarray(env.decode_as["extended"](gate, action))
+    world = np.asarray(env.decode_as["extended"](state, action))
     np.testing.assert_allclose(np.linalg.norm(world, axis=0), np.linalg.norm(action, axis=0), rtol=1e-5)
     np.testing.assert_array_equal(world[2], action[2])
 

@@ -150,12 +150,14 @@ def _total(weights: RewardWeights) -> Callable[..., jax.Array]:
     return quick_jit(functools.partial(total_reward, weights))
 
 
-def total(weights: RewardWeights, components: dict, passed: object, offset: object, ended: object) -> np.ndarray:
+def total(
+    weights: RewardWeights, components: dict, passed: object, offset: object, ended: object, crash_share: float = 1.0
+) -> np.ndarray:
     """The package's reward of a step."""
     shape = np.shape(components["prox"])
     no = jnp.zeros(shape, bool)
     crossing = Crossing(jnp.asarray(passed), no, no, jnp.zeros(shape), jnp.asarray(offset, jnp.float32))
-    return np.asarray(_total(weights)(components, crossing, jnp.asarray(ended)))
+    return np.asarray(_total(weights)(rules_of(crash_share=crash_share), components, crossing, jnp.asarray(ended)))
 
 
 def random_totals(weights: RewardWeights) -> tuple[dict[str, np.ndarray], np.ndarray, np.ndarray, np.ndarray]:
@@ -174,6 +176,9 @@ def test_the_total_is_the_clipped_sum_or_the_end(preset: str) -> None:
     flying = ~passed & ~ended
     np.testing.assert_allclose(reward[flying], plain[flying], atol=1e-5)
     np.testing.assert_array_equal(reward[ended], np.float32(weights.terminal))
+    cheaper = total(weights, components, passed, offset, ended, crash_share=0.25)
+    np.testing.assert_allclose(cheaper[ended], 0.25 * weights.terminal)
+    np.testing.assert_array_equal(cheaper[~ended], reward[~ended])
     assert reward[~ended].min() >= -weights.clip
     assert reward.max() <= max(weights.clip, weights.gate_bonus)
     assert (np.abs(plain) == weights.clip).any()

@@ -62,7 +62,7 @@ def _reward(weights: RewardWeights) -> Callable[..., jax.Array]:
         motion = Motion(before, after, Target(centre, ahead, jnp.ones_like(ahead)), weights)
         none, zero = jnp.zeros_like(passed), jnp.zeros(passed.shape)
         components = reward_components(weights, rules, motion, zero + jnp.inf, none, ~none)
-        return total_reward(weights, components, Crossing(passed, none, none, zero, zero + offset), none)
+        return total_reward(weights, rules, components, Crossing(passed, none, none, zero, zero + offset), none)
 
     return quick_jit(compute)
 

@@ -36,7 +36,7 @@ def compiled_env() -> RaceEnv:
 
 def fly(env: RaceEnv, races: RaceState, actions: np.ndarray, rules: Rules) -> tuple:
     """One control step of actions [A, N, E] in the policy's frame."""
-    return env.step(races, env.decode(races.next_gate, jnp.asarray(actions, jnp.float32)), rules)
+    return env.step(races, env.decode(races, jnp.asarray(actions, jnp.float32)), rules)
 
 
 @functools.cache
@@ -68,7 +68,7 @@ def replay(before: TrainState, starts: RaceState, rules: Rules, alone: bool, own
         opponents = {use: networks_actions(model, observation[:, 1]) for use, model in generations(before)}
         scale = np.array([noise_scale(races, e) for e in range(older.size)])
         theirs = np.where(older, opponents[True], opponents[False])
-        flown = np.array(env.decode(races.next_gate, np.stack([action, theirs], axis=1).astype(np.float32)))
+        flown = np.array(env.decode(races, np.stack([action, theirs], axis=1).astype(np.float32)))
         by_hand = np.asarray(before.sparring.speed[1]) > 0
         flown[:, 1, by_hand] = np.asarray(chase()(races, before.sparring, rules.agility))[:, 1, by_hand]
         races, outcome = env.step(races, jnp.asarray(flown), rules)

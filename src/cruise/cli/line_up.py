@@ -40,6 +40,8 @@ class LineUp:
     take turns."""
     vehicle: Annotated[str | None, described("NAME")] = None
     """What all of them fly (`cruise vehicles` lists them). By default what the pilots were made for, or paper."""
+    randomise: Annotated[float, described("SHARE")] = 0.0
+    """How far races differ from what vehicle and track say: a share of all that a real drone may differ by (0 to 2)."""
     budget_ms: float = 10_000.0
     """Time for each action of a pilot in Python; one that takes longer ends the race with an error [ms]."""
 
@@ -53,7 +55,7 @@ class LineUp:
         metas = _metas(choices)
         track = load_track(self.track) if self.track is not None else usual_track(*metas[:1])
         drones = self.drones if self.drones is not None else _usual_drones(metas, choices)
-        return make_match(track, drones, choices or None, laps, self.budget_ms / 1e3, self.vehicle)
+        return make_match(track, drones, choices or None, laps, self.budget_ms / 1e3, self.vehicle, self.randomise)
 
 
 def _metas(choices: list[str]) -> "list[PolicyMeta]":

@@ -49,6 +49,9 @@ COMMANDS = {
     "replay": Entry("cruise.cli.replay", "Replay", "Replay race logs in the browser."),
     "train": Entry("cruise.cli.train", "Train", "Train a policy through the curriculum, or resume a run."),
     "evaluate": Entry("cruise.cli.evaluate", "Evaluate", "Measure pilots over many races, with confidence intervals."),
+    "robustness": Entry(
+        "cruise.cli.robustness", "Robustness", "Measure pilots when vehicle, air, gates or sensors are off."
+    ),
     "tracks": Entry("cruise.cli.tracks", "Tracks", "List, show and check tracks."),
     "limit": Entry("cruise.cli.limit", "FindLimit", "Compute the time-optimal lap of a vehicle on a track."),
     "tune-planner": Entry(

@@ -45,6 +45,15 @@ def normalise(q: Quaternion) -> Four:
     return w * shrink, x * shrink, y * shrink, z * shrink
 
 
+def turned(q: Float[Array, "4 *B"], rotation_b: Float[Array, "3 *B"]) -> Float[Array, "4 *B"]:
+    """Give q (1, tan(v / 2)): turned on about the body's axes by v [rad], exactly so where v lies along one of them.
+
+    Otherwise to second order. Angles beyond 1 rad count as 1 rad.
+    """
+    turn = derivative(q, 2 * jnp.tan(jnp.clip(rotation_b, -1.0, 1.0) / 2))
+    return jnp.stack(list(normalise(q + jnp.stack(list(turn)))))
+
+
 def thrust_axis_w(q: Quaternion) -> Three:
     """The body's z axis in the world."""
     w, x, y, z = q

@@ -9,10 +9,10 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from cruise.config import ObservationKind, RewardWeights, Track, Vehicle
-from cruise.dynamics import DroneState, Dynamics, Parameters, make_dynamics
-from cruise.dynamics.parameters import AS_BUILT
+from cruise.dynamics import DroneState, Dynamics, make_dynamics
 from cruise.env.observation import OBSERVATIONS, action_decoder
 from cruise.env.reward import Motion, Target, reward_components, total_reward
+from cruise.env.surroundings import AS_SAID, Conditions, Surroundings, gust_w
 from cruise.env.types import Collisions, RaceState, Rules, StepOutcome
 from cruise.racing.contacts import nearest_opponent, on_ground, out_of_bounds
 from cruise.racing.course import Course, make_course, pick
@@ -23,8 +23,8 @@ from cruise.vector import once
 FLIP_ANGLE = jnp.pi / 2
 
 Observe = Callable[[RaceState], Array]
-Decode = Callable[[Array, Array], Array]
-Perturb = Callable[[Array, tuple[int, ...]], Parameters]  # (key, (N, *B)) -> what those drones really are
+Decode = Callable[..., Array]  # (state, action [A, n, *B], drones=None)
+Perturb = Callable[[Array, tuple[int, ...]], Conditions]  # (key, (N, *B)) -> what those races are like
 
 
 class RaceEnv(NamedTuple):
@@ -36,12 +36,31 @@ class RaceEnv(NamedTuple):
     course: Course
     dynamics: Dynamics
     reset: Callable[..., RaceState]  # (key, batch=(), gate=None) -> state
-    begin: Callable[..., RaceState]  # (start grid, parameters of the drones) -> state
+    begin: Callable[..., RaceState]  # (start grid, conditions) -> state
     step: Callable[[RaceState, Array, Rules], tuple[RaceState, StepOutcome]]
-    observe: Callable[[RaceState], Array]  # [O, N, *B], of the kind the environment was made with
-    decode: Callable[[Array, Array], Array]  # (next_gate, action): from a policy's frame to that of the vehicle
-    observe_as: dict[str, Callable[[RaceState], Array]]  # every kind, for pilots that were trained on another
-    decode_as: dict[str, Callable[[Array, Array], Array]]
+    observe: Observe  # [O, N, *B], of the kind the environment was made with
+    decode: Decode  # actions of all drones, or of some, from a policy's frame to that of the vehicle
+    observe_as: dict[str, Observe]  # every kind, for pilots that were trained on another
+    decode_as: dict[str, Decode]
+
+    def course_of(self, state: RaceState) -> Course:
+        """The gates of a race, or of each race of a batch: the track's, unless they have been moved."""
+        return _with_gates(self.course, state.surroundings)
+
+
+def _with_gates(course: Course, surroundings: Surroundings) -> Course:
+    moved = surroundings.gates
+    return course if moved is None else course._replace(position_w=moved.position_w, normal_w=moved.normal_w)
+
+
+def _air_w(dynamics: Dynamics, state: RaceState) -> Float[Array, "3 N *B"] | None:
+    """What moves the air at each drone beside a steady wind: the rotors of the others, and gusts."""
+    air_w = dynamics.induced_air(state.drones, state.airborne) if dynamics.induced_air else None
+    gusts = state.surroundings.gusts
+    if gusts is None:
+        return air_w
+    gust = jnp.broadcast_to(gust_w(gusts, state.step * dynamics.control_dt)[:, None], state.drones.position_w.shape)
+    return gust if air_w is None else air_w + gust
 
 
 def _detect_collisions(
@@ -91,30 +110,29 @@ def make_race_env(
         vehicle: what all of them fly.
         observation: what `observe` gives.
         reward: weights; by default those of `RewardWeights`.
-        perturb: draws the physical parameters of the drones of every race that `reset` starts; by default all are as
-            their vehicle says.
+        perturb: draws what the races that `reset` starts are like, `cruise.env.randomise.perturbation` among them; by
+            default they are as vehicle and track say.
     """
     weights = reward or RewardWeights()
-    course = make_course(track)
+    env_course = make_course(track)
     dynamics = make_dynamics(vehicle)
 
-    def begin(start: Start, parameters: Parameters = AS_BUILT) -> RaceState:
-        drones = dynamics.init(start.position_w, start.heading, parameters)
+    def begin(start: Start, conditions: Conditions = AS_SAID) -> RaceState:
+        drones = dynamics.init(start.position_w, start.heading, conditions.parameters)
         shape = start.heading.shape
         none = jnp.zeros(shape, bool)
         gate = jnp.broadcast_to(start.gate, shape)
-        return RaceState(drones, gate, jnp.zeros(shape, jnp.int32), none, none, jnp.zeros(shape[1:], jnp.int32))
+        counts = jnp.zeros(shape, jnp.int32)
+        return RaceState(drones, gate, counts, none, none, counts[0], conditions.surroundings)
 
     def reset(key: Array, batch: tuple[int, ...] = (), gate: int | None = None) -> RaceState:
-        start = start_grid(course, key, num_drones, batch, gate)
-        if perturb is None:
-            return begin(start)
-        return begin(start, perturb(jax.random.fold_in(key, 1), (num_drones, *batch)))
+        conditions = perturb(jax.random.fold_in(key, 1), (num_drones, *batch)) if perturb else AS_SAID
+        here = _with_gates(env_course, conditions.surroundings)
+        return begin(start_grid(here, key, num_drones, batch, gate), conditions)
 
     def step(state: RaceState, action: Float[Array, "A N *B"], rules: Rules) -> tuple[RaceState, StepOutcome]:
-        airborne = state.airborne
-        air_w = dynamics.induced_air(state.drones, airborne) if dynamics.induced_air else None
-        moved = dynamics.step(state.drones, action, rules.agility, air_w)
+        airborne, course = state.airborne, _with_gates(env_course, state.surroundings)
+        moved = dynamics.step(state.drones, action, rules.agility, _air_w(dynamics, state))
         drones = _freeze(~airborne, state.drones, moved)
         start_w, end_w = state.drones.position_w, drones.position_w
         crossing = cross_gates(course, start_w, end_w, state.next_gate, rules.gate_tolerance)
@@ -131,7 +149,7 @@ def make_race_env(
         motion = Motion(state.drones, drones, Target(*gate), weights)
         components = reward_components(weights, rules, motion, nearest, solid, airborne)
         outcome = StepOutcome(
-            reward=jnp.where(airborne, total_reward(weights, components, crossing, terminated), 0.0),
+            reward=jnp.where(airborne, total_reward(weights, rules, components, crossing, terminated), 0.0),
             components=components,
             terminated=terminated,
             crossing=crossing,
@@ -145,20 +163,25 @@ def make_race_env(
             out=state.out | terminated,
             finished=state.finished | ((rules.gates_to_finish > 0) & (passed >= rules.gates_to_finish) & ~terminated),
             step=state.step + 1,
+            surroundings=state.surroundings,
         )
         return next_state, outcome
 
-    observe_as: dict[str, Observe] = {
-        kind: functools.partial(function, course, dynamics) for kind, function in OBSERVATIONS.items()
-    }
-    decode_as: dict[str, Decode] = {
-        kind: functools.partial(action_decoder(kind, dynamics), course) for kind in OBSERVATIONS
-    }
+    def observe(kind: str, state: RaceState) -> Array:
+        return OBSERVATIONS[kind](_with_gates(env_course, state.surroundings), dynamics, state)
+
+    def decode(kind: str, state: RaceState, action: Array, drones: tuple[int, ...] | None = None) -> Array:
+        some = drones is not None and drones != tuple(range(num_drones))
+        gate = state.next_gate[jnp.array(drones)] if some else state.next_gate
+        return action_decoder(kind, dynamics)(_with_gates(env_course, state.surroundings), gate, action)
+
+    observe_as: dict[str, Observe] = {kind: functools.partial(observe, kind) for kind in OBSERVATIONS}
+    decode_as: dict[str, Decode] = {kind: functools.partial(decode, kind) for kind in OBSERVATIONS}
     return RaceEnv(
         num_drones=num_drones,
         track=track,
         vehicle=vehicle,
-        course=course,
+        course=env_course,
         dynamics=dynamics,
         reset=reset,
         begin=begin,

@@ -121,7 +121,7 @@ def reward_components(
 
 
 def total_reward(
-    weights: RewardWeights, components: dict[str, Array], crossing: Crossing, terminated: Array
+    weights: RewardWeights, rules: Rules, components: dict[str, Array], crossing: Crossing, terminated: Array
 ) -> Float[Array, "N *B"]:
     """Sum and clip; a passed gate replaces the terms of flight, the end of an episode replaces everything."""
     interaction = components["near"] + components["coll"] + components["over"]
@@ -130,4 +130,4 @@ def total_reward(
     passing = weights.gate_bonus - weights.w_edge * outside
     reward = jnp.where(crossing.passed, passing, flight) + interaction
     highest = jnp.where(crossing.passed, max(weights.clip, weights.gate_bonus), weights.clip)
-    return jnp.where(terminated, weights.terminal, jnp.clip(reward, -weights.clip, highest))
+    return jnp.where(terminated, rules.crash_share * weights.terminal, jnp.clip(reward, -weights.clip, highest))

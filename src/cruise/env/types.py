@@ -6,6 +6,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from cruise.config import Stage
 from cruise.dynamics.types import DroneState
+from cruise.env.surroundings import Surroundings
 from cruise.racing.gates import Crossing
 
 
@@ -19,6 +20,7 @@ class Rules(NamedTuple):
     agility: Float[Array, "..."] | float  # [m/s^2] in the paper's vehicle
     w_coll: Float[Array, "..."] | float
     w_over: Float[Array, "..."] | float
+    crash_share: Float[Array, "..."] | float  # of `RewardWeights.terminal`
     gate_tolerance: Float[Array, ""] | float  # [m]
     collision_distance: Float[Array, ""] | float  # [m]
     terminal_collisions: Bool[Array, ""] | bool
@@ -34,6 +36,7 @@ class RaceState(NamedTuple):
     out: Bool[Array, "N *B"]  # crashed, or never took part
     finished: Bool[Array, "N *B"]
     step: Int[Array, "*B"]  # control steps since the start
+    surroundings: Surroundings = Surroundings()
 
     @property
     def airborne(self) -> Bool[Array, "N *B"]:
@@ -68,6 +71,7 @@ def stage_rules(stage: Stage, collision_distance: float) -> Rules:
         agility=stage.agility,
         w_coll=stage.w_coll if stage.collision_penalty else 0.0,
         w_over=stage.w_over,
+        crash_share=stage.crash_share,
         gate_tolerance=stage.gate_tolerance,
         collision_distance=collision_distance,
         terminal_collisions=stage.terminal_collisions,
@@ -82,6 +86,7 @@ def race_rules(agility: Float[Array, "..."] | float, collision_distance: float, 
         agility=agility,
         w_coll=0.0,
         w_over=0.0,
+        crash_share=1.0,
         gate_tolerance=0.0,
         collision_distance=collision_distance,
         terminal_collisions=True,

@@ -3,20 +3,22 @@
 import functools
 import os
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import jax
 
-from cruise.config import Track, Vehicle
+from cruise.config import Randomisation, Track, Vehicle
 from cruise.env.race_env import RaceEnv, make_race_env
+from cruise.env.randomise import made_for, perturbation, scaled
 from cruise.errors import CruiseError
 from cruise.evaluation.metrics import race_result
 from cruise.evaluation.pilot_choice import PilotChoice, find_pilot, identity
 from cruise.evaluation.summary import Evaluation, summarise
 from cruise.pilots.base import Pilot, Versatile
 from cruise.pilots.foreign import DEFAULT_BUDGET
+from cruise.presets import RANDOMISATION
 from cruise.racing.track_geometry import lap_length
 from cruise.rollout import fly, team_rules
 from cruise.storage.policy_file import read_meta, shipped_name
@@ -30,6 +32,8 @@ TIME_LIMIT = 150.0  # of a race, at least [s]
 SLOWEST = 1.25  # longer races get the time that this mean speed needs [m/s]
 MAX_DRONES = 64
 MAX_LAPS = 100
+MAX_RANDOMISE = 2.0
+NOTHING_RANDOM = Randomisation()
 DRONES_IN_BATCH = 1024  # flown at once at ten steps a second; bounds memory, not the number of races
 USUAL_VEHICLE = "paper"
 STREAM = 0x5EED  # keeps the starts of races apart from every start seen in training, whatever the seeds
@@ -42,6 +46,7 @@ class Match:
     track: Track
     team: tuple[Pilot, ...]  # one pilot per drone
     laps: int
+    randomisation: Randomisation = NOTHING_RANDOM
 
     @property
     def vehicle(self) -> Vehicle:
@@ -53,6 +58,11 @@ class Match:
         """When a race ends at the latest [s]."""
         return max(TIME_LIMIT, self.laps * lap_length(self.track.gates) / SLOWEST)
 
+    @property
+    def env(self) -> RaceEnv:
+        """Where it is flown."""
+        return race_env(self.track, len(self.team), self.vehicle, self.randomisation)
+
 
 def make_match(
     track: Track,
@@ -61,6 +71,7 @@ def make_match(
     laps: int | None = None,
     budget: float = DEFAULT_BUDGET,
     vehicle: str | None = None,
+    randomise: float = 0.0,
 ) -> Match:
     """Put a match together.
 
@@ -72,6 +83,7 @@ def make_match(
         laps: by default the track's.
         budget: time for each action of a pilot in plain Python [s].
         vehicle: what all of them fly; by default what the pilots were made for.
+        randomise: how much of the vehicle's full randomisation (`presets.RANDOMISATION`) races differ by; 0: none.
 
     Raises:
         CruiseError: a number out of range, more pilots than drones, no such pilot or vehicle, or pilots of different
@@ -89,7 +101,12 @@ def make_match(
     names = {identity(choice) for choice in choices if isinstance(choice, str | os.PathLike)}
     found = _in_one_vehicle(found, names, vehicle)
     team = tuple(found[identity(choices[drone % len(choices)])] for drone in range(drones))
-    return Match(track, team, laps)
+    match = Match(track, team, laps)
+    if randomise == 0:
+        return match
+    if not 0 < randomise <= MAX_RANDOMISE:
+        raise CruiseError(f"randomise must be from 0 to {MAX_RANDOMISE}, got {randomise}")
+    return replace(match, randomisation=scaled(RANDOMISATION[match.vehicle.name], randomise))
 
 
 def _in_one_vehicle(pilots: dict[Any, Pilot], names: set[Any], vehicle: str | None) -> dict[Any, Pilot]:
@@ -99,9 +116,9 @@ def _in_one_vehicle(pilots: dict[Any, Pilot], names: set[Any], vehicle: str | No
     if vehicle is None and len(bound) > 1:
         raise CruiseError(f"pilots of different vehicles cannot race each other: {', '.join(sorted(bound))}")
     chosen = find_vehicle(vehicle or next(iter(bound), USUAL_VEHICLE))
-    for made_for, name in bound.items():
-        if made_for != chosen.name:
-            raise CruiseError(f"pilot {name!r} was made for vehicle {made_for!r}, this race flies {chosen.name!r}")
+    for other, name in bound.items():
+        if other != chosen.name:
+            raise CruiseError(f"pilot {name!r} was made for vehicle {other!r}, this race flies {chosen.name!r}")
     aboard = {key: pilots[key].for_vehicle(chosen) for key in free}  # type: ignore[attr-defined]
     return pilots | aboard
 
@@ -119,13 +136,13 @@ def run_races(match: Match, races: int, seed: int) -> Iterator[RaceLog]:
     batch = min(races, max(1, int(at_once) // drones))
     key = jax.random.fold_in(jax.random.key(seed), STREAM)
     for first in range(0, races, batch):
-        logs = _fly_batch(match, jax.random.fold_in(key, first // batch), batch)
+        logs = fly_batch(match, match.env, jax.random.fold_in(key, first // batch), batch)
         yield from logs[: races - first]
 
 
-def _fly_batch(match: Match, key: jax.Array, batch: int) -> list[RaceLog]:
+def fly_batch(match: Match, env: RaceEnv, key: jax.Array, batch: int) -> list[RaceLog]:
+    """The logs of so many races at once in `env`."""
     vehicle, team = match.vehicle, match.team
-    env = race_env(match.track, len(team), vehicle)
     rules = team_rules(team, vehicle.collision_distance, match.laps * len(match.track.gates) + 1, (batch,))
     flight = fly(env, team, rules, key, round(match.time_limit / vehicle.control_dt), (batch,))
     names = tuple(pilot.name for pilot in team)
@@ -134,9 +151,14 @@ def _fly_batch(match: Match, key: jax.Array, batch: int) -> list[RaceLog]:
 
 
 @functools.lru_cache(maxsize=8)
-def race_env(track: Track, drones: int, vehicle: Vehicle) -> RaceEnv:
-    """The environment of a race; the same one for the same arguments, so that nothing is compiled twice."""
-    return make_race_env(track, drones, vehicle)
+def race_env(track: Track, drones: int, vehicle: Vehicle, randomisation: Randomisation = NOTHING_RANDOM) -> RaceEnv:
+    """The environment of a race; the same one for the same arguments, so that nothing is compiled twice.
+
+    Raises:
+        CruiseError: the vehicle cannot be randomised so.
+    """
+    flown = made_for(vehicle, randomisation)
+    return make_race_env(track, drones, flown, perturb=perturbation(track, flown, randomisation))
 
 
 def evaluate_match(match: Match, episodes: int, seed: int, show: Callable[[RaceLog], None] | None = None) -> Evaluation:
@@ -156,6 +178,7 @@ def evaluate(
     episodes: int = 100,
     seed: int = 0,
     vehicle: str | None = None,
+    randomise: float = 0.0,
 ) -> Evaluation:
     """Measure pilots over races of the track's laps from standing, with true openings and final collisions.
 
@@ -166,11 +189,12 @@ def evaluate(
         episodes: number of races, each from a fresh random start.
         seed: of the starts. They differ from those of training for every seed.
         vehicle: as for `make_match`.
+        randomise: as for `make_match`.
 
     Raises:
         CruiseError: as `make_match` and `run_races`.
     """
-    return evaluate_match(make_match(track, drones, pilots, vehicle=vehicle), episodes, seed)
+    return evaluate_match(make_match(track, drones, pilots, vehicle=vehicle, randomise=randomise), episodes, seed)
 
 
 def evaluate_policy(policy: StrPath, track: Track, episodes: int = 100, seed: int = 0) -> dict[str, Any]:

@@ -18,7 +18,7 @@ from cruise.config import ObservationKind
 from cruise.env.race_env import RaceEnv
 from cruise.env.types import RaceState
 from cruise.errors import CruiseError, one_line
-from cruise.pilots.base import Memory, Pilot, rows
+from cruise.pilots.base import Memory, Pilot
 from cruise.presets import VEHICLES
 
 Style = Literal["function", "object", "batch"]
@@ -74,7 +74,7 @@ class Commanded(eqx.Module):
         del key
         action = memory
         if self.observation is not None:
-            action = env.decode_as[self.observation](rows(state.next_gate, drones, axis=0), action)
+            action = env.decode_as[self.observation](state, action, drones)
         return memory, jnp.clip(action, -1.0, 1.0)
 
 

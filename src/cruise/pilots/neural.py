@@ -54,5 +54,5 @@ class NeuralPilot(eqx.Module):
         del key
         observation = rows(env.observe_as[self.observation](state), drones, axis=1)
         action = self.params.mean_action(observation)
-        action = env.decode_as[self.observation](rows(state.next_gate, drones, axis=0), action)
+        action = env.decode_as[self.observation](state, action, drones)
         return memory, jnp.clip(action, -1.0, 1.0)

@@ -94,7 +94,7 @@ class Chaser(eqx.Module):
     ) -> Float[Array, "A N *B"]:
         """Actions of all drones; `speed`, `push` and `agility` may differ from the pilot's own, drone by drone."""
         position = state.drones.position_w
-        to_aim = aim_point(env.course, state.next_gate, position, self.lead) - position
+        to_aim = aim_point(env.course_of(state), state.next_gate, position, self.lead) - position
         wanted = speed * to_aim / (norm(to_aim) + EPSILON)
         wanted += push_apart(position, state.airborne, self.clearance, push)
         wanted = wanted.at[2].max(FLOOR - position[2])

@@ -10,10 +10,10 @@ from cruise.config import Track
 
 
 class Course(NamedTuple):
-    """Gates and limits of a track [m, rad, world frame]."""
+    """Gates and limits of a track [m, rad, world frame]. Where races differ in their gates, these have batch axes."""
 
-    position_w: Float[Array, "3 G"]
-    normal_w: Float[Array, "2 G"]  # (cos yaw, sin yaw): the direction of flight
+    position_w: Float[Array, "3 G *B"]
+    normal_w: Float[Array, "2 G *B"]  # (cos yaw, sin yaw): the direction of flight
     half_size: Float[Array, "2 G"]  # half width and half height of the openings
     frame_width: Float[Array, ""]
     bounds_low: Float[Array, "3"]
@@ -40,10 +40,11 @@ def make_course(track: Track) -> Course:
     )
 
 
-def pick(table: Float[Array, "C G"], gate: Int[Array, "*B"]) -> Float[Array, "C *B"]:
-    """Columns of `table` at `gate`. A sum over selects: it vectorises where a gather does not."""
-    ones = (1,) * gate.ndim
-    columns = [table[:, g].reshape(-1, *ones) for g in range(table.shape[1])]
+def pick(table: Float[Array, "C G *R"], gate: Int[Array, "*B"]) -> Float[Array, "C *B"]:
+    """Columns of `table` at `gate`, axes R the last of B. A sum over selects: it vectorises where a gather does not."""
+    races = table.shape[2:]
+    ones = (1,) * (gate.ndim - len(races))
+    columns = [table[:, g].reshape(-1, *ones, *races) for g in range(table.shape[1])]
     picked = jnp.broadcast_to(columns[0], (table.shape[0], *gate.shape))
     for g, column in enumerate(columns[1:], start=1):
         picked = jnp.where(gate == g, column, picked)

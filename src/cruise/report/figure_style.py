@@ -47,6 +47,13 @@ def to_svg(figure: Figure) -> str:
     return buffer.getvalue()
 
 
+def to_png(figure: Figure) -> bytes:
+    """The figure as a PNG picture, the same for the same figure."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=110, metadata={"Software": None})
+    return buffer.getvalue()
+
+
 def tidy(axes: Axes, title: str = "", xlabel: str = "", ylabel: str = "") -> None:
     """Title, labels and a quiet grid."""
     axes.set_title(title, loc="left", fontsize=11, color=INK)

@@ -1,7 +1,5 @@
 """One race as a picture: where it was flown, who led, how fast and how high."""
 
-import io
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -9,6 +7,7 @@ from matplotlib.patheffects import withStroke
 
 from cruise.palette import drone_colour as colour
 from cruise.report import race_charts as charts
+from cruise.report.figure_style import to_png
 from cruise.report.race_scene import INK, Scene, Style, crashes, flown, make_scene, style, tidy
 from cruise.storage.race_log import RaceLog
 
@@ -33,9 +32,7 @@ def draw_race(log: RaceLog) -> bytes:
     charts.draw_heights(height, scene)
     charts.share_gate_axis((gap, speed, height), scene)
     figure.suptitle(_title(scene), fontsize=15, fontweight="bold", color=INK)
-    picture = io.BytesIO()
-    figure.savefig(picture, format="png", dpi=110, metadata={"Software": None})
-    return picture.getvalue()
+    return to_png(figure)
 
 
 def _title(scene: Scene) -> str:

@@ -1,6 +1,5 @@
 """Learning curves of a run."""
 
-import io
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -9,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from cruise.report.figure_style import to_png
 from cruise.storage.atomic import write_atomically
 
 # (row key, title, unit); evaluations are drawn as points joined by lines, rollouts as lines
@@ -36,9 +36,7 @@ def draw_training(rows: Sequence[dict[str, Any]], title: str, path: Path) -> Non
     for axes in figure.axes[3:]:
         axes.set_xlabel("million steps")
     _add_win_rate(figure.axes[3], rows)
-    picture = io.BytesIO()
-    figure.savefig(picture, format="png", dpi=110)
-    write_atomically(path, picture.getvalue())
+    write_atomically(path, to_png(figure))
 
 
 def _series(rows: Sequence[dict[str, Any]], key: str) -> tuple[np.ndarray, np.ndarray]:

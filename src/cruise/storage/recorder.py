@@ -1,12 +1,13 @@
 """From what a rollout flew to one race log per race, with events at interpolated times."""
 
+import dataclasses
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Array
 
-from cruise.config import Gate, Track
+from cruise.config import Track
 from cruise.rollout import Flight
 from cruise.storage.race_log import EVENT_KINDS, NOBODY, EventKind, RaceLog
 
@@ -50,7 +51,7 @@ def race_logs(flight: Flight, info: RaceInfo) -> list[RaceLog]:
 
 
 def _one_log(flight: Flight, info: RaceInfo, events: _Events, race: int) -> RaceLog:
-    airborne = flight.airborne[:, :, race]
+    airborne, track = flight.airborne[:, :, race], _track_flown(flight, info.track, race)
     samples = min(int(airborne.any(axis=1).sum()) + 1, len(airborne))
     mine = _Events(*(column[events.race == race] for column in events))
     action = np.zeros((samples, airborne.shape[1], flight.action.shape[1]), np.float32)
@@ -63,7 +64,7 @@ def _one_log(flight: Flight, info: RaceInfo, events: _Events, race: int) -> Race
         action=action,
         next_gate=flight.next_gate[:samples, :, race].astype(np.int32),
         airborne=airborne[:samples].copy(),
-        **track_arrays(info.track),
+        **track_arrays(track),
         event_time=mine.time,
         event_drone=mine.drone,
         event_kind=mine.kind,
@@ -77,6 +78,28 @@ def _one_log(flight: Flight, info: RaceInfo, events: _Events, race: int) -> Race
         collision_distance=info.collision_distance,
         collision_aspect=info.collision_aspect,
     )
+
+
+def _track_flown(flight: Flight, track: Track, race: int) -> Track:
+    """The track with its gates where this race had them."""
+    if flight.moved is None:
+        return track
+    position, yaw = _gates_flown(flight, track, np.array([race]))
+    gates = (
+        dataclasses.replace(gate, position_w=(float(x), float(y), float(z)), yaw=float(yaw[g, 0]))
+        for g, (gate, (x, y, z)) in enumerate(zip(track.gates, position[:, :, 0], strict=True))
+    )
+    return dataclasses.replace(track, gates=tuple(gates))
+
+
+def _gates_flown(flight: Flight, track: Track, race: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Centres [G, 3, R] and yaws [G, R] of all gates in each of some races."""
+    if flight.moved is None:
+        rows = len(race)
+        centre = np.array([gate.position_w for gate in track.gates])[:, :, None].repeat(rows, 2)
+        return centre, np.array([gate.yaw for gate in track.gates])[:, None].repeat(rows, 1)
+    position, (cos, sin) = (np.asarray(table, np.float64) for table in (flight.moved.position_w, flight.moved.normal_w))
+    return position[:, :, race].swapaxes(0, 1), np.arctan2(sin, cos)[:, race]
 
 
 def track_arrays(track: Track) -> dict[str, Any]:
@@ -184,22 +207,37 @@ def _at_frame(flight: Flight, flags: Flags, track: Track) -> _Events:
     hits = _hits(flags)
     row = np.arange(len(hits.step))
     start, end = (points[row, :, hits.drone] for points in _segments(flight, hits))
-    by_gate = [_frame_misfit(gate, track.frame_width, start, end) for gate in track.gates]
+    flown = zip(*_gates_flown(flight, track, hits.race), strict=True)
+    by_gate = [
+        _frame_misfit(_Opening(centre.T, yaw, gate.width / 2, gate.height / 2), track.frame_width, start, end)
+        for gate, (centre, yaw) in zip(track.gates, flown, strict=True)
+    ]
     misfit, fraction = np.array(by_gate).swapaxes(0, 1)
     gate = (misfit + 1e-3 * fraction).argmin(axis=0)
     return _events(flight, EventKind.COLLISION_GATE_FRAME, hits, fraction[gate, row], gate, _none(hits))
 
 
-def _frame_misfit(gate: Gate, frame_width: float, start: np.ndarray, end: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+class _Opening(NamedTuple):
+    """A gate where each of some races has it."""
+
+    centre: np.ndarray  # [R, 3] m
+    yaw: np.ndarray  # [R] rad
+    half_width: float  # [m]
+    half_height: float  # [m]
+
+
+def _frame_misfit(
+    gate: _Opening, frame_width: float, start: np.ndarray, end: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """How far [m] segments are from striking a gate's frame, 0 for those that do, and the fraction at its plane."""
-    centre, cos, sin = np.array(gate.position_w), np.cos(gate.yaw), np.sin(gate.yaw)
-    axes = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])  # forward, left, up
-    before, after = (start - centre) @ axes.T, (end - centre) @ axes.T
+    cos, sin, none, one = np.cos(gate.yaw), np.sin(gate.yaw), 0 * gate.yaw, 1 + 0 * gate.yaw
+    axes = np.array([[cos, sin, none], [-sin, cos, none], [none, none, one]])  # forward, left, up
+    before, after = (np.einsum("ijr,rj->ri", axes, point - gate.centre) for point in (start, end))
     length = after[:, 0] - before[:, 0]
     free = -before[:, 0] / np.where(length == 0, 1.0, length)
     fraction = np.clip(free, 0.0, 1.0)
     at = before + fraction[:, None] * (after - before)
-    offset = np.maximum(np.abs(at[:, 1]) - gate.width / 2, np.abs(at[:, 2]) - gate.height / 2)
+    offset = np.maximum(np.abs(at[:, 1]) - gate.half_width, np.abs(at[:, 2]) - gate.half_height)
     beyond = np.maximum(-offset, 0.0) + np.maximum(offset - frame_width, 0.0)
     missed_plane = np.abs(free - fraction) * np.abs(length)
     return beyond + missed_plane, fraction

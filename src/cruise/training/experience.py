@@ -9,6 +9,7 @@ from jaxtyping import Array, Bool, Float, Shaped
 
 from cruise.config import TrainConfig
 from cruise.env.race_env import RaceEnv
+from cruise.env.surroundings import perceive
 from cruise.env.types import RaceState, Rules, StepOutcome
 from cruise.pilots.network import ActorCritic
 from cruise.training.sparring import fly_sparring
@@ -78,6 +79,13 @@ def hide_opponents(races: RaceState, alone: Array) -> RaceState:
     return races._replace(out=races.out | grounded)
 
 
+def thin_out(races: RaceState, key: Array) -> RaceState:
+    """From none to all of the opponents of each race take off, each number as often."""
+    drones = races.out.shape[0]
+    opponents = jax.random.randint(key, races.out.shape[1:], 0, drones)
+    return races._replace(out=races.out | (jnp.arange(drones)[:, None] > ACTIVE + opponents))
+
+
 def _step_metrics(outcome: StepOutcome, races: RaceState) -> dict[str, Shaped[Array, "E"]]:
     """What is logged of the active drone, race by race."""
     metrics = {f"reward/{name}": value[ACTIVE] for name, value in outcome.components.items()}
@@ -91,7 +99,7 @@ def _step_metrics(outcome: StepOutcome, races: RaceState) -> dict[str, Shaped[Ar
     }
 
 
-def draw(env: RaceEnv, key: Array, num_races: int, rollout_steps: int) -> Draws:
+def draw(env: RaceEnv, key: Array, num_races: int, rollout_steps: int, vary_field: bool = False) -> Draws:
     """Starts and noise of one rollout.
 
     One start per race: one that ends twice in a rollout begins at the same place twice, which costs nothing, where a
@@ -99,7 +107,8 @@ def draw(env: RaceEnv, key: Array, num_races: int, rollout_steps: int) -> Draws:
     """
     start_key, noise_key = jax.random.split(key)
     noise = jax.random.normal(noise_key, (rollout_steps, env.dynamics.action_size, num_races))
-    return Draws(env.reset(start_key, (num_races,)), noise)
+    start = env.reset(start_key, (num_races,))
+    return Draws(thin_out(start, jax.random.fold_in(key, 2)) if vary_field else start, noise)
 
 
 def make_collect(env: RaceEnv, config: TrainConfig) -> Collect:
@@ -120,7 +129,8 @@ def make_collect(env: RaceEnv, config: TrainConfig) -> Collect:
             races, restart, opponents = carry
             races = begin_again(races, start, restart)
             opponents = opponents._replace(uses_previous=opponents.uses_previous & ~restart)
-            observation = env.observe(races)
+            seen = perceive(races)
+            observation = env.observe(seen)
             own = observation[:, ACTIVE]
             mean, value = model.mean_and_value(own)
             noise_scale = caution(races, ppo.caution_distance, ppo.least_noise)
@@ -128,7 +138,7 @@ def make_collect(env: RaceEnv, config: TrainConfig) -> Collect:
             everyone = action[:, None]
             if env.num_drones > 1:
                 everyone = jnp.concatenate([everyone, opponent_actions(opponents, observation[:, 1:])], axis=1)
-            flown = env.decode(races.next_gate, everyone)
+            flown = env.decode(seen, everyone)
             if spars:
                 flown = fly_sparring(env, races, flown, state.sparring, rules.agility)
             races, outcome = env.step(races, flown, rules)
@@ -142,7 +152,7 @@ def make_collect(env: RaceEnv, config: TrainConfig) -> Collect:
         measured: dict[str, Array]
         (races, terminated, opponents), (transitions, measured) = jax.lax.scan(step, carry, draws.noise)
         following = begin_again(races, start, terminated)
-        last_value = model.value(env.observe(following)[:, ACTIVE])
+        last_value = model.value(env.observe(perceive(following))[:, ACTIVE])
         truncated = ~terminated & (races.step >= config.episode_steps)
         metrics = {name: values.mean() for name, values in measured.items()}
         metrics["truncated"] = truncated.mean() / len(draws.noise)

@@ -9,6 +9,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from cruise.config import SelfPlayConfig
 from cruise.env.race_env import RaceEnv
+from cruise.env.surroundings import perceive
 from cruise.env.types import RaceState, Rules
 from cruise.pilots.network import ActorCritic
 from cruise.training.experience import hide_opponents
@@ -77,11 +78,12 @@ def make_evaluate(env: RaceEnv, config: SelfPlayConfig) -> Evaluate:
 
         def step(carry: tuple, _: None) -> tuple:
             races, seen = carry
-            observation = env.observe(races)
+            seen_as = perceive(races)
+            observation = env.observe(seen_as)
             action = model.mean_action(observation[:, :1])
             if env.num_drones > 1:
                 action = jnp.concatenate([action, opponents.mean_action(observation[:, 1:])], axis=1)
-            after, outcome = env.step(races, env.decode(races.next_gate, action), rules)
+            after, outcome = env.step(races, env.decode(seen_as, action), rules)
             crossing = outcome.crossing
             return (after, _watch(seen, races, after, crossing.passed[ACTIVE], crossing.fraction[ACTIVE])), None
 

@@ -12,6 +12,7 @@ from jaxtyping import Array, UInt32
 
 from cruise.config import Track, TrainConfig, Vehicle
 from cruise.env.race_env import RaceEnv, make_race_env
+from cruise.env.randomise import made_for, perturbation
 from cruise.env.types import Rules, stage_rules
 from cruise.errors import CruiseError
 from cruise.pilots.network import ActorCritic
@@ -64,7 +65,9 @@ class Trainer:
         self.total_updates = self.phases[-1].last_update
         self.steps_per_update = config.ppo.races * config.ppo.rollout_steps
         self.total_steps = self.total_updates * self.steps_per_update
-        self.env: RaceEnv = make_race_env(track, config.drones, vehicle, config.observation, config.reward)
+        vehicle = made_for(vehicle, config.randomisation)
+        perturb = perturbation(track, vehicle, config.randomisation)
+        self.env: RaceEnv = make_race_env(track, config.drones, vehicle, config.observation, config.reward, perturb)
         self.optimiser = make_optimiser(config.ppo, self.total_updates)
         self.mesh = make_mesh(devices or choose_devices(config.ppo.races))
         everywhere = NamedSharding(self.mesh, PartitionSpec())
@@ -86,7 +89,8 @@ class Trainer:
             state, metrics = learn(state, experience, key)
             return state, mean_over_devices(experience.metrics | metrics, AXIS)
 
-        draw_all = functools.partial(draw, env, num_races=ppo.races, rollout_steps=ppo.rollout_steps)
+        vary = self.config.opponents.vary_field
+        draw_all = functools.partial(draw, env, num_races=ppo.races, rollout_steps=ppo.rollout_steps, vary_field=vary)
         draw_specs = over_races(jax.eval_shape(draw_all, jax.random.key(0)))
         specs, everywhere = state_specs(self.state_shape()), PartitionSpec()
         on_devices = jax.shard_map(

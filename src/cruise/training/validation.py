@@ -5,6 +5,7 @@ import math
 from collections.abc import Iterator
 
 from cruise.config import PPOConfig, SelfPlayConfig, TrainConfig
+from cruise.env.randomise import check_randomisation
 from cruise.errors import CruiseError
 from cruise.presets import VEHICLES
 from cruise.storage.policy_file import MAX_WIDTH
@@ -28,6 +29,8 @@ def _faults(config: TrainConfig) -> Iterator[str]:
         yield f"drones must be between 1 and {MAX_DRONES}, not {config.drones}"
     if not 0 <= config.seed <= MAX_SEED:
         yield f"seed must be between 0 and {MAX_SEED}, not {config.seed}"
+    if config.vehicle in VEHICLES:
+        check_randomisation(VEHICLES[config.vehicle], config.randomisation)
     for part in (config, config.reward, config.ppo, config.opponents):
         yield from _not_finite(part)
     yield from _below(1, config, "episode_steps")

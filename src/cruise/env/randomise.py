@@ -1,0 +1,165 @@
+"""Races that differ from what vehicle and track say: drawn at the start of each, inside the compiled program."""
+
+import dataclasses
+import math
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from cruise.config import Randomisation, Track, Vehicle
+from cruise.dynamics.parameters import Parameters, physics_of
+from cruise.env.surroundings import GUST_PERIODS, Conditions, Gusts, MovedGates, SensorErrors, Surroundings
+from cruise.errors import CruiseError
+from cruise.racing.course import Course, make_course
+
+NOISE = 0.5  # of a sensor's error, that is new at every step
+SENSED = ("position_error", "velocity_error", "attitude_error", "rate_error")  # in the order of `SensorErrors`
+OF_THE_AIRFRAME = (
+    "mass_spread",
+    "inertia_spread",
+    "thrust_spread",
+    "drag_spread",
+    "lag_spread",
+    "extra_delay",
+    "wind_speed",
+    "gust_speed",
+)
+Shape = tuple[int, ...]
+# Fields of `Randomisation` by name, numbers or arrays over races [*B]; what is not there costs nothing.
+Strengths = Mapping[str, Any]
+
+
+def scaled(randomisation: Randomisation, factor: float) -> Randomisation:
+    """All of it so many times as strong."""
+    fields = dataclasses.asdict(randomisation)
+    return Randomisation(**{name: factor * value for name, value in fields.items()})
+
+
+def made_for(vehicle: Vehicle, randomisation: Randomisation) -> Vehicle:
+    """The vehicle, remembering commands for as long as the longest delay that may be drawn.
+
+    Raises:
+        CruiseError: a number is negative or not finite, a spread is 1 or more, or there is no airframe to differ.
+    """
+    check_randomisation(vehicle, randomisation)
+    airframe = vehicle.airframe
+    if airframe is None or randomisation.extra_delay == 0:
+        return vehicle
+    longest = max(airframe.longest_delay, airframe.delay + randomisation.extra_delay)
+    return dataclasses.replace(vehicle, airframe=dataclasses.replace(airframe, longest_delay=longest))
+
+
+def check_randomisation(vehicle: Vehicle, randomisation: Randomisation) -> None:
+    """Raises CruiseError where `made_for` does."""
+    for name, value in dataclasses.asdict(randomisation).items():
+        if not (math.isfinite(value) and value >= 0):
+            raise CruiseError(f"{name} must be 0 or more, not {value}")
+        if name.endswith("_spread") and value >= 1:
+            raise CruiseError(f"{name} must be below 1, not {value}: nothing would be left of what it spreads")
+        if value and name in OF_THE_AIRFRAME and vehicle.airframe is None:
+            raise CruiseError(f"{name} needs a vehicle with an airframe, and {vehicle.name!r} has none: leave it 0")
+
+
+def perturbation(
+    track: Track, vehicle: Vehicle, randomisation: Randomisation
+) -> Callable[[Array, Shape], Conditions] | None:
+    """What `make_race_env` takes to draw races so; None where nothing is random."""
+    strengths = {name: value for name, value in dataclasses.asdict(randomisation).items() if value}
+    course = make_course(track)
+
+    def draw(key: Array, shape: Shape) -> Conditions:
+        return draw_conditions(course, vehicle, strengths, key, shape)
+
+    return draw if strengths else None
+
+
+def draw_conditions(
+    course: Course, vehicle: Vehicle, strengths: Strengths, key: Array, shape: Shape, offsets: Strengths | None = None
+) -> Conditions:
+    """Races of drones of `shape` (N, *B), as strongly random as `strengths` says.
+
+    `offsets`, by the names of spreads, are relative deviations that are no chance: those of the middle of each spread.
+    """
+    parts = jax.random.split(key, 4)
+    surroundings = Surroundings(
+        gates=_gates(course, strengths, parts[1], shape[1:]),
+        gusts=_gusts(strengths, parts[2], shape[1:]),
+        errors=_errors(strengths, parts[3], shape),
+    )
+    return Conditions(_parameters(vehicle, strengths, offsets or {}, parts[0], shape), surroundings)
+
+
+def _parameters(vehicle: Vehicle, strengths: Strengths, offsets: Strengths, key: Array, shape: Shape) -> Parameters:
+    if vehicle.airframe is None:
+        return Parameters()
+    keys = iter(jax.random.split(key, 11))
+    built = physics_of(vehicle)
+
+    def spread(value: Any, name: str) -> Any:
+        """Evenly about `value`, drone by drone; None where it is as it should be."""
+        key = next(keys)
+        if name not in strengths and name not in offsets:
+            return None
+        chance = jax.random.uniform(key, jnp.shape(value)[:1] + shape, minval=-1.0, maxval=1.0)
+        return value * (1 + offsets.get(name, 0.0) + strengths.get(name, 0.0) * chance)
+
+    inertia = spread(jnp.asarray(built.inertia).reshape(3, *(1,) * len(shape)), "inertia_spread")
+    delay, wind = strengths.get("extra_delay"), strengths.get("wind_speed")
+    return Parameters(
+        mass=spread(built.mass, "mass_spread"),
+        inertia=inertia,
+        thrust_gain=spread(1.0, "thrust_spread"),
+        horizontal_drag=spread(built.horizontal_drag, "drag_spread"),
+        vertical_drag=spread(built.vertical_drag, "drag_spread"),
+        rotor_lag=spread(built.rotor_lag, "lag_spread"),
+        rate_lag=spread(built.rate_lag, "lag_spread"),
+        delay=None if delay is None else built.delay + delay * jax.random.uniform(next(keys), shape),
+        wind_w=None if wind is None else _wind(wind, next(keys), shape),
+    )
+
+
+def _wind(strongest: Array | float, key: Array, shape: Shape) -> Array:
+    """Level, from anywhere, of every strength up to `strongest`, the same for all drones of a race [m/s]."""
+    how_strong, from_where = jax.random.split(key)
+    speed = strongest * jax.random.uniform(how_strong, shape[1:])
+    angle = jax.random.uniform(from_where, shape[1:], maxval=2 * jnp.pi)
+    wind = jnp.stack([speed * jnp.cos(angle), speed * jnp.sin(angle), jnp.zeros_like(speed)])
+    return jnp.broadcast_to(wind[:, None], (3, *shape))
+
+
+def _gates(course: Course, strengths: Strengths, key: Array, races: Shape) -> MovedGates | None:
+    """Gates shifted and turned, none lower than it was or than its opening reaches down."""
+    if "gate_shift" not in strengths and "gate_turn" not in strengths:
+        return None
+    shift_key, turn_key = jax.random.split(key)
+    gates, ones = course.num_gates, (1,) * len(races)
+    still = course.position_w.reshape(3, gates, *ones)
+    yaw = jnp.arctan2(course.normal_w[1], course.normal_w[0]).reshape(gates, *ones)
+    chances = (jax.random.uniform(k, (n, gates, *races), minval=-1.0) for k, n in ((shift_key, 3), (turn_key, 1)))
+    shift, turn = (strengths.get(name, 0.0) * x for name, x in zip(("gate_shift", "gate_turn"), chances, strict=True))
+    lowest = jnp.minimum(still[2], course.half_size[1].reshape(gates, *ones))
+    yaw = yaw + turn[0]
+    return MovedGates((still + shift).at[2].max(lowest), jnp.stack([jnp.cos(yaw), jnp.sin(yaw)]))
+
+
+def _gusts(strengths: Strengths, key: Array, races: Shape) -> Gusts | None:
+    if "gust_speed" not in strengths:
+        return None
+    phase = jax.random.uniform(key, (3, len(GUST_PERIODS), *races), maxval=2 * jnp.pi)
+    return Gusts(jnp.broadcast_to(jnp.asarray(strengths["gust_speed"], jnp.float32), races), phase)
+
+
+def _errors(strengths: Strengths, key: Array, shape: Shape) -> SensorErrors | None:
+    if not any(name in strengths for name in SENSED):
+        return None
+    bias_key, noise_key = jax.random.split(key)
+    races = shape[1:]
+    deviations = [jnp.broadcast_to(jnp.asarray(strengths.get(name, 0.0), jnp.float32), races) for name in SENSED]
+    scale = jnp.repeat(jnp.stack(deviations), 3, axis=0)[:, None]
+    bias = scale * jax.random.normal(bias_key, (scale.shape[0], *shape))
+    return SensorErrors(
+        bias, jnp.broadcast_to(NOISE * scale, bias.shape), jax.random.bits(noise_key, (2, *races), jnp.uint32)
+    )

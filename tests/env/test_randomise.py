@@ -1,0 +1,199 @@
+"""Races that differ from what vehicle and track say: drawn as asked, and flown and seen as drawn."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from cruise.config import Gate, Randomisation
+from cruise.dynamics import quaternion
+from cruise.env.race_env import RaceEnv, make_race_env
+from cruise.env.randomise import NOISE, made_for, perturbation, scaled
+from cruise.env.surroundings import Conditions, Gusts, Surroundings, gust_w, perceive
+from cruise.env.types import RaceState, race_rules
+from cruise.errors import CruiseError
+from cruise.presets import RANDOMISATION, TRACKS, VEHICLES
+from tests.helpers import arrays, quick_jit
+
+RING, RACER, PAPER = TRACKS["ring"], VEHICLES["racer"], VEHICLES["paper"]
+RACES = 400
+FULL = RANDOMISATION["racer"]
+RULES = arrays(race_rules(RACER.agility, 0.25, 0))
+
+
+def env_with(randomisation: Randomisation, drones: int = 2) -> RaceEnv:
+    vehicle = made_for(RACER, randomisation)
+    return make_race_env(RING, drones, vehicle, "body", perturb=perturbation(RING, vehicle, randomisation))
+
+
+def drawn(randomisation: Randomisation, drones: int = 2) -> RaceState:
+    return quick_jit(env_with(randomisation, drones).reset, static_argnums=1)(jax.random.key(0), (RACES,))
+
+
+def test_physical_parameters_spread_evenly_drone_by_drone() -> None:
+    parameters = drawn(FULL).drones.parameters
+    airframe = RACER.airframe
+    usual = {
+        "mass": (RACER.mass, FULL.mass_spread),
+        "thrust_gain": (1.0, FULL.thrust_spread),
+        "horizontal_drag": (airframe.drag.horizontal, FULL.drag_spread),
+        "vertical_drag": (airframe.drag.vertical, FULL.drag_spread),
+        "rotor_lag": (airframe.rotors.time_constant, FULL.lag_spread),
+        "rate_lag": (airframe.rates.time_constant, FULL.lag_spread),
+    }
+    for name, (value, spread) in usual.items():
+        deviation = np.asarray(getattr(parameters, name)) / value - 1
+        assert deviation.shape == (2, RACES)
+        assert np.abs(deviation).max() <= spread * 1.0001
+        np.testing.assert_allclose(deviation.std(), spread / np.sqrt(3), rtol=0.1)
+        assert abs(np.corrcoef(deviation)[0, 1]) < 0.2
+    inertia = np.asarray(parameters.inertia) / np.array(RACER.inertia)[:, None, None] - 1
+    np.testing.assert_allclose(inertia.std(axis=(1, 2)), FULL.inertia_spread / np.sqrt(3), rtol=0.1)
+    delay = np.asarray(parameters.delay)
+    assert 0 <= delay.min() < 0.001
+    assert FULL.extra_delay - 0.001 < delay.max() <= FULL.extra_delay
+    wind = np.asarray(parameters.wind_w)
+    np.testing.assert_array_equal(wind[:, 0], wind[:, 1])
+    assert 0.9 * FULL.wind_speed < np.linalg.norm(wind, axis=0).max() <= FULL.wind_speed * 1.0001
+    assert not wind[2].any()
+
+
+def test_what_is_not_random_stays_out_of_the_state() -> None:
+    plain = drawn(Randomisation())
+    assert len(jax.tree.leaves((plain.drones.parameters, plain.surroundings))) == 0
+    for name, value in dataclasses.asdict(FULL).items():
+        state = drawn(dataclasses.replace(Randomisation(), **{name: value}))
+        assert jax.tree.leaves((state.drones.parameters, state.surroundings)), name
+    assert perturbation(RING, RACER, Randomisation()) is None
+
+
+def test_a_longer_delay_is_remembered() -> None:
+    late = scaled(FULL, 2.0)
+    assert made_for(RACER, late).airframe.longest_delay == pytest.approx(2 * FULL.extra_delay)
+    assert drawn(late).drones.memory.commands.shape[0] == 2
+
+
+def test_moved_gates_are_those_of_a_track_that_has_them_there() -> None:
+    """Start, observation and step in a race with moved gates are those on a track built so."""
+    moved = env_with(Randomisation(gate_shift=0.5, gate_turn=0.3))
+    state = quick_jit(moved.reset, static_argnums=1)(jax.random.key(3), (4,))
+    course = moved.course_of(state)
+    shift = np.asarray(course.position_w) - np.array([g.position_w for g in RING.gates]).T[:, :, None]
+    assert 0.4 < np.abs(shift).max() <= 0.5001
+    state = state._replace(drones=state.drones._replace(body=before_the_gate(moved, state)))
+    action = jnp.zeros((4, 2, 4))
+    after, outcome = quick_jit(moved.step)(state, action, RULES)
+    assert np.asarray(outcome.crossing.passed).all()
+    for race in range(4):
+        yaw = np.arctan2(*np.asarray(course.normal_w)[::-1, :, race])
+        gates = (Gate(tuple(map(float, course.position_w[:, g, race])), float(yaw[g])) for g in range(len(RING.gates)))
+        there = make_race_env(dataclasses.replace(RING, gates=tuple(gates)), 2, RACER, "body")
+        alone = jax.tree.map(lambda x, race=race: x[..., race], state)._replace(surroundings=Surroundings())
+        np.testing.assert_allclose(moved.observe(state)[..., race], there.observe(alone), atol=1e-5)
+        other, same = there.step(alone, action[..., race], RULES)
+        np.testing.assert_allclose(outcome.reward[:, race], same.reward, atol=1e-4)
+        np.testing.assert_allclose(outcome.crossing.offset[:, race], same.crossing.offset, atol=1e-5)
+        np.testing.assert_array_equal(after.next_gate[:, race], other.next_gate)
+
+
+def before_the_gate(env: RaceEnv, state: RaceState):
+    """Every drone 0.1 m before the middle of its gate, flying through at 15 m/s, one above the other."""
+    course = env.course_of(state)
+    gate, race = np.asarray(state.next_gate), np.arange(4)
+    centre, normal = np.asarray(course.position_w)[:, gate, race], np.asarray(course.normal_w)[:, gate, race]
+    forward = np.concatenate([normal, np.zeros_like(normal[:1])])
+    height = np.zeros_like(centre)
+    height[2] = np.array([[-0.5], [0.5]])
+    return state.drones.body._replace(
+        position_w=jnp.asarray(centre + height - 0.1 * forward, jnp.float32),
+        velocity_w=jnp.asarray(15 * forward, jnp.float32),
+    )
+
+
+def test_no_gate_is_moved_into_the_ground() -> None:
+    eight = TRACKS["figure-eight"]
+    env = make_race_env(eight, 1, RACER, perturb=perturbation(eight, RACER, Randomisation(gate_shift=1.0)))
+    height = np.asarray(env.course_of(env.reset(jax.random.key(0), (RACES,))).position_w)[2]
+    usual = np.array([gate.position_w[2] for gate in eight.gates])
+    assert (height >= np.minimum(usual, 1.0)[:, None] - 1e-6).all()
+    assert (height > usual[:, None] + 0.9).any()
+
+
+def test_gusts_are_as_strong_as_asked_and_die_down() -> None:
+    """Over time and races: no mean, the root mean square asked for along every axis, related over a second or so."""
+    phase = jax.random.uniform(jax.random.key(1), (3, 4, RACES), maxval=2 * jnp.pi)
+    gusts = Gusts(jnp.full(RACES, 1.5), phase)
+    air = np.stack([np.asarray(gust_w(gusts, jnp.full(RACES, t))) for t in np.arange(0, 12, 0.1)])
+    np.testing.assert_allclose(air.mean(axis=(0, 2)), 0.0, atol=0.05)
+    np.testing.assert_allclose(np.sqrt((air**2).mean(axis=(0, 2))), 1.5, rtol=0.03)
+    related = [(air[lag:] * air[: len(air) - lag]).mean() / (air**2).mean() for lag in (1, 5, 10)]
+    assert 0.85 < related[0] < 1
+    assert related[0] > related[1] > related[2]
+    assert abs(related[2]) < 0.5
+
+
+def test_gusts_push_a_drone_by_its_drag() -> None:
+    """At rest, a = d_h w / m in the plane of the rotors."""
+    strong = Gusts(jnp.full(1, 5.0), jnp.full((3, 4, 1), jnp.pi / 2))
+    env = make_race_env(RING, 1, RACER, perturb=lambda key, shape: Conditions(surroundings=Surroundings(gusts=strong)))
+    hover = jnp.zeros((4, 1, 1)).at[0].set(2 * 9.81 / RACER.agility - 1)
+    after, _ = env.step(env.reset(jax.random.key(0), (1,)), hover, RULES)
+    wind = np.asarray(gust_w(strong, jnp.zeros(1)))[:2, 0]
+    gain = RACER.airframe.drag.horizontal / RACER.mass * RACER.control_dt
+    np.testing.assert_allclose(after.drones.velocity_w[:2, 0, 0], gain * wind, rtol=0.02)
+
+
+def test_sensors_are_wrong_by_a_bias_for_a_race_and_noise_at_every_step() -> None:
+    state = drawn(Randomisation(position_error=0.2, rate_error=0.1))
+    seen = [perceive(state._replace(step=jnp.full(RACES, k))) for k in range(30)]
+    for field, error in (("position_w", 0.2), ("angular_velocity_b", 0.1)):
+        truth = np.asarray(getattr(state.drones, field))
+        wrong = np.stack([np.asarray(getattr(race.drones, field)) for race in seen]) - truth
+        bias = wrong.mean(axis=0)
+        np.testing.assert_allclose(bias.std(), error, rtol=0.1)
+        np.testing.assert_allclose((wrong - bias).std(), NOISE * error, rtol=0.1)
+        steps = (wrong - bias)[:, 0, 0]
+        assert abs(np.corrcoef(steps[:-1].ravel(), steps[1:].ravel())[0, 1]) < 0.1
+        assert abs(np.corrcoef(bias[0, 0], bias[0, 1])[0, 1]) < 0.2
+    np.testing.assert_array_equal(seen[3].drones.velocity_w, state.drones.velocity_w)
+    again = perceive(state._replace(step=jnp.full(RACES, 3)))
+    np.testing.assert_array_equal(again.drones.position_w, seen[3].drones.position_w)
+    one = perceive(jax.tree.map(lambda x: x[..., 5], state._replace(step=jnp.full(RACES, 3))))
+    np.testing.assert_allclose(one.drones.position_w, seen[3].drones.position_w[..., 5], atol=1e-6)
+
+
+def test_attitude_is_wrong_by_an_angle() -> None:
+    """About each axis of the body by the angle asked for, and a unit quaternion still."""
+    state = drawn(Randomisation(attitude_error=0.02))
+    truth, seen = (np.asarray(race.drones.body.attitude) for race in (state, perceive(state)))
+    np.testing.assert_allclose(np.linalg.norm(seen, axis=0), 1.0, atol=1e-6)
+    angle = 2 * np.arccos(np.clip((truth * seen).sum(axis=0), -1, 1))
+    np.testing.assert_allclose(np.sqrt((angle**2).mean()), 0.02 * np.sqrt(3 * (1 + NOISE**2)), rtol=0.1)
+    heading = quaternion.from_heading(jnp.float32(0.3))
+    turned = quaternion.turned(heading, jnp.array([0.0, 0.0, 0.4]))
+    np.testing.assert_allclose(turned, quaternion.from_heading(jnp.float32(0.7)), atol=1e-6)
+
+
+def test_the_papers_vehicle_has_gates_and_sensors_to_differ() -> None:
+    there = RANDOMISATION["paper"]
+    env = make_race_env(RING, 2, made_for(PAPER, there), perturb=perturbation(RING, PAPER, there))
+    state = env.reset(jax.random.key(0), (RACES,))
+    wrong = np.asarray(perceive(state).drones.body.euler)
+    np.testing.assert_allclose(wrong.std(), 0.015 * np.sqrt(1 + NOISE**2), rtol=0.1)
+    assert np.asarray(env.observe(perceive(state))).shape == env.observe(state).shape
+
+
+@pytest.mark.parametrize(
+    ("changes", "vehicle", "complaint"),
+    [
+        ({"mass_spread": 1.0}, RACER, "mass_spread must be below 1, not 1.0"),
+        ({"wind_speed": -1.0}, RACER, "wind_speed must be 0 or more, not -1.0"),
+        ({"gate_turn": float("nan")}, RACER, "gate_turn must be 0 or more, not nan"),
+        ({"thrust_spread": 0.1}, PAPER, "thrust_spread needs a vehicle with an airframe, and 'paper' has none"),
+    ],
+)
+def test_what_makes_no_sense_is_refused(changes: dict, vehicle, complaint: str) -> None:
+    with pytest.raises(CruiseError, match=complaint):
+        made_for(vehicle, Randomisation(**changes))
