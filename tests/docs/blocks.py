@@ -23,6 +23,7 @@ MINIATURE = {
     "train": "--step-scale 0.001 --races 64 --episodes 4 --evaluation-races 8 --evaluation-steps 20",
     "evaluate": "--episodes 2",
     "robustness": "--episodes 1",
+    "sim-to-sim": "--episodes 1 --track ring",
     "race": "--laps 1",
     "limit": "--steps 8",
     "reproduce": "--list",

@@ -1,6 +1,6 @@
 """Who races where: the flags that `cruise race` and `cruise evaluate` share."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 DEFAULT_TRACK = "ring"
 DEFAULT_DRONES = 4
+OURS = "cruise"
 
 
 def described(metavar: str) -> Any:
@@ -42,6 +43,8 @@ class LineUp:
     """What all of them fly (`cruise vehicles` lists them). By default what the pilots were made for, or paper."""
     randomise: Annotated[float, described("SHARE")] = 0.0
     """How far races differ from what vehicle and track say: a share of all that a real drone may differ by (0 to 2)."""
+    simulator: Annotated[str, described("NAME")] = OURS
+    """What moves the drones: cruise, or one of mujoco, rotorpy and crazyflow, each an extra of that name."""
     budget_ms: float = 10_000.0
     """Time for each action of a pilot in Python; one that takes longer ends the race with an error [ms]."""
 
@@ -55,7 +58,8 @@ class LineUp:
         metas = _metas(choices)
         track = load_track(self.track) if self.track is not None else usual_track(*metas[:1])
         drones = self.drones if self.drones is not None else _usual_drones(metas, choices)
-        return make_match(track, drones, choices or None, laps, self.budget_ms / 1e3, self.vehicle, self.randomise)
+        match = make_match(track, drones, choices or None, laps, self.budget_ms / 1e3, self.vehicle, self.randomise)
+        return replace(match, simulator=self.simulator)
 
 
 def _metas(choices: list[str]) -> "list[PolicyMeta]":

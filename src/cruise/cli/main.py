@@ -52,6 +52,7 @@ COMMANDS = {
     "robustness": Entry(
         "cruise.cli.robustness", "Robustness", "Measure pilots when vehicle, air, gates or sensors are off."
     ),
+    "sim-to-sim": Entry("cruise.cli.sim_to_sim", "SimToSim", "Fly pilots unchanged in simulators that are not ours."),
     "tracks": Entry("cruise.cli.tracks", "Tracks", "List, show and check tracks."),
     "limit": Entry("cruise.cli.limit", "FindLimit", "Compute the time-optimal lap of a vehicle on a track."),
     "tune-planner": Entry(
@@ -84,6 +85,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     if arguments == ["--version"]:
         print(f"cruise {__version__}")
         return 0
+    if {"crazyflow", "sim-to-sim"} & set(arguments):  # Crazyflow wants it before anything imports SciPy
+        os.environ.setdefault("SCIPY_ARRAY_API", "1")
     try:
         code = _parse(arguments).run()
         sys.stdout.flush()

@@ -57,7 +57,8 @@ class Robustness:
     def _title(self, match: "Match") -> str:
         drones = f"{len(match.team)} drone{'s' * (len(match.team) != 1)}"
         names = ", ".join(dict.fromkeys(pilot.name for pilot in match.team))
-        return f"{names} ({match.vehicle.name}) on {match.track.name}: {drones}, {self.episodes} race{"s" * (self.episodes != 1)} each"
+        races = f"{self.episodes} race{'s' * (self.episodes != 1)}"
+        return f"{names} ({match.vehicle.name}) on {match.track.name}: {drones}, {races} each"
 
 
 def robustness_table(points: "list[Point]", title: str) -> Table:

@@ -101,6 +101,7 @@ def make_race_env(
     observation: ObservationKind = "extended",
     reward: RewardWeights | None = None,
     perturb: Perturb | None = None,
+    dynamics: Dynamics | None = None,
 ) -> RaceEnv:
     """Build the functions of a race. Options are settled here, not inside the step.
 
@@ -112,10 +113,11 @@ def make_race_env(
         reward: weights; by default those of `RewardWeights`.
         perturb: draws what the races that `reset` starts are like, `cruise.env.randomise.perturbation` among them; by
             default they are as vehicle and track say.
+        dynamics: what moves the drones; by default our own equations of the vehicle.
     """
     weights = reward or RewardWeights()
     env_course = make_course(track)
-    dynamics = make_dynamics(vehicle)
+    dynamics = dynamics or make_dynamics(vehicle)
 
     def begin(start: Start, conditions: Conditions = AS_SAID) -> RaceState:
         drones = dynamics.init(start.position_w, start.heading, conditions.parameters)

@@ -16,6 +16,7 @@ from cruise.errors import CruiseError
 from cruise.evaluation.metrics import race_result
 from cruise.evaluation.pilot_choice import PilotChoice, find_pilot, identity
 from cruise.evaluation.summary import Evaluation, summarise
+from cruise.interop.simulators import make_simulated
 from cruise.pilots.base import Pilot, Versatile
 from cruise.pilots.foreign import DEFAULT_BUDGET
 from cruise.presets import RANDOMISATION
@@ -34,6 +35,7 @@ MAX_DRONES = 64
 MAX_LAPS = 100
 MAX_RANDOMISE = 2.0
 NOTHING_RANDOM = Randomisation()
+OURS = "cruise"  # the simulator that is used where no other is named
 DRONES_IN_BATCH = 1024  # flown at once at ten steps a second; bounds memory, not the number of races
 USUAL_VEHICLE = "paper"
 STREAM = 0x5EED  # keeps the starts of races apart from every start seen in training, whatever the seeds
@@ -47,6 +49,7 @@ class Match:
     team: tuple[Pilot, ...]  # one pilot per drone
     laps: int
     randomisation: Randomisation = NOTHING_RANDOM
+    simulator: str = OURS
 
     @property
     def vehicle(self) -> Vehicle:
@@ -61,7 +64,7 @@ class Match:
     @property
     def env(self) -> RaceEnv:
         """Where it is flown."""
-        return race_env(self.track, len(self.team), self.vehicle, self.randomisation)
+        return race_env(self.track, len(self.team), self.vehicle, self.randomisation, self.simulator)
 
 
 def make_match(
@@ -151,14 +154,21 @@ def fly_batch(match: Match, env: RaceEnv, key: jax.Array, batch: int) -> list[Ra
 
 
 @functools.lru_cache(maxsize=8)
-def race_env(track: Track, drones: int, vehicle: Vehicle, randomisation: Randomisation = NOTHING_RANDOM) -> RaceEnv:
+def race_env(
+    track: Track,
+    drones: int,
+    vehicle: Vehicle,
+    randomisation: Randomisation = NOTHING_RANDOM,
+    simulator: str = OURS,
+) -> RaceEnv:
     """The environment of a race; the same one for the same arguments, so that nothing is compiled twice.
 
     Raises:
-        CruiseError: the vehicle cannot be randomised so.
+        CruiseError: the vehicle cannot be randomised so, or not be flown in that simulator.
     """
     flown = made_for(vehicle, randomisation)
-    return make_race_env(track, drones, flown, perturb=perturbation(track, flown, randomisation))
+    dynamics = None if simulator == OURS else make_simulated(simulator, flown)
+    return make_race_env(track, drones, flown, perturb=perturbation(track, flown, randomisation), dynamics=dynamics)
 
 
 def evaluate_match(match: Match, episodes: int, seed: int, show: Callable[[RaceLog], None] | None = None) -> Evaluation:

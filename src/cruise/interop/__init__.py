@@ -1,0 +1,1 @@
+"""Other people's simulators, flown through as if they were ours."""
