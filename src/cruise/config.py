@@ -150,6 +150,7 @@ class Stage:
     w_over: float
     terminal_collisions: bool
     crash_share: float = 1.0  # of the price of a crash that ends an episode, `RewardWeights.terminal`
+    alone: bool = False  # opponents stay on the ground
 
 
 @dataclass(frozen=True)

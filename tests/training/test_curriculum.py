@@ -1,6 +1,7 @@
 """The plan of a run against the paper's table, and a whole run through all of its stages."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import jax
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 
 from cruise.config import PPOConfig, TrainConfig
 from cruise.env.types import stage_rules
-from cruise.presets import CURRICULUM, TRACKS, VEHICLES
+from cruise.presets import CURRICULUM, TRACKS, VEHICLES, training_config
 from cruise.storage.checkpoint import load_checkpoint, save_checkpoint
 from cruise.training.curriculum import plan_phases
 from cruise.training.self_play import play_on, replace_opponents
@@ -52,6 +53,24 @@ def test_the_plan_is_the_papers_table(size):
         found += [stage.gate_tolerance, stage.w_over, stage.terminal_collisions]
         assert found == theta
     assert end * per_update <= 40 * MILLION * config.step_scale
+
+
+def test_agile_vehicles_learn_to_fly_alone_and_then_to_race():
+    """Faster, narrower and dearer from stage to stage; opponents, replaced throughout, take off in the fourth."""
+    config = training_config("racer")
+    phases = plan_phases(config)
+    assert [phase.alone for phase in phases] == [True, True, True, False, False]
+    assert all(phase.self_play for phase in phases)
+    assert sum(phase.stage.steps for phase in phases) == 20 * MILLION
+    for before, after in pairwise(phase.stage for phase in phases):
+        assert before.v_min < after.v_min
+        assert before.gate_tolerance >= after.gate_tolerance
+        assert before.crash_share < after.crash_share
+    last = phases[-1].stage
+    assert (last.gate_tolerance, last.crash_share, last.agility) == (0.0, 1.0, VEHICLES["racer"].agility)
+    assert config.opponents.vary_field
+    assert config.observation == "body"
+    assert not CURRICULUM[0].alone
 
 
 @pytest.mark.parametrize("mode", ["within", "after", "off"])

@@ -7,12 +7,15 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from cruise.env.race_env import make_race_env
+from cruise.presets import TRACKS, VEHICLES
 from cruise.training.experience import (
     begin_again,
     draw,
     hide_opponents,
     make_collect,
     opponent_actions,
+    thin_out,
 )
 from cruise.training.types import OpponentPool, TrainState
 from tests.training import reference
@@ -166,6 +169,18 @@ def test_alone_means_that_opponents_are_neither_seen_nor_met():
     assert not np.asarray(shared.out).any()
     seen = np.asarray(two_rollouts(False)[0][2].transitions.observation)
     assert (seen[:, -9:] != 0).any(axis=1).mean() > 0.5
+
+
+def test_a_thinned_out_field_has_every_number_of_opponents_as_often():
+    env = make_race_env(TRACKS["ring"], 4, VEHICLES["racer"], "body")
+    races = env.reset(jax.random.key(0), (4000,))
+    out = np.asarray(thin_out(races, jax.random.key(1)).out)
+    assert not out[0].any()
+    np.testing.assert_allclose(np.bincount(3 - out.sum(axis=0), minlength=4) / 4000, 0.25, atol=0.03)
+    full, varied = (draw(env, jax.random.key(2), 50, 2, vary_field=vary).start for vary in (False, True))
+    assert not np.asarray(full.out).any()
+    assert np.asarray(varied.out).any()
+    np.testing.assert_array_equal(full.drones.position_w, varied.drones.position_w)
 
 
 def test_begin_again_takes_the_new_start_where_asked():
