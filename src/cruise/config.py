@@ -166,6 +166,7 @@ class RewardWeights:
     w_prog: float = 0.45
     progress_scale: float = 2.5  # beta [1/m]
     progress_to: Literal["opening", "centre"] = "opening"  # where the distance of prox and prog ends
+    pay_up_to_v_min: bool = False  # progress faster than the stage's v_min earns no more than at v_min
     w_align: float = 0.02
     w_speed: float = 0.005
     overtake_sign: Literal["fixed", "paper"] = "fixed"

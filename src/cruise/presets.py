@@ -61,15 +61,15 @@ CURRICULUM: tuple[Stage, ...] = (
 
 # Theta_k of vehicles flown by thrust and body rates: shares of the budget and of the speed at the limit, the rest after
 # the paper's table. They have no use for a stage in which a collision is survived: without termination a drone that
-# lies on the ground learns nothing. Their agility is always all their thrust, because it keeps them in the air. They
-# learn to fly alone, which takes few steps, before they meet anybody.
+# lies on the ground learns nothing. Their agility is always all their thrust, because it keeps them in the air; that
+# progress is paid up to v_min alone is what makes the first stages slow.
 _AGILE_STAGES = (
-    # name, share, speed, w_coll, gate tolerance, w_over, crash share, alone
-    ("Basics", 0.06, 0.3, 0.0, 0.3, 0.0, 0.25, True),
-    ("Intermediate", 0.09, 0.5, 0.25, 0.15, 0.1, 0.4, True),
-    ("Advanced", 0.15, 0.7, 0.5, 0.05, 0.2, 0.6, True),
-    ("Advanced II", 0.3, 0.85, 0.6, 0.0, 0.2, 0.8, False),
-    ("Advanced III", 0.4, 1.0, 0.7, 0.0, 0.2, 1.0, False),
+    # name, share, speed, w_coll, gate tolerance, w_over, crash share
+    ("Basics", 0.1, 0.3, 0.0, 0.3, 0.0, 0.25),
+    ("Intermediate", 0.15, 0.5, 0.25, 0.15, 0.1, 0.4),
+    ("Advanced", 0.2, 0.7, 0.5, 0.05, 0.2, 0.6),
+    ("Advanced II", 0.25, 0.85, 0.6, 0.0, 0.2, 0.8),
+    ("Advanced III", 0.3, 1.0, 0.7, 0.0, 0.2, 1.0),
 )
 
 
@@ -92,9 +92,8 @@ def _agile_curriculum(vehicle: Vehicle, steps: int = 20_000_000) -> tuple[Stage,
             w_over=w_over,
             terminal_collisions=True,
             crash_share=crash,
-            alone=alone,
         )
-        for name, share, speed, w_coll, tolerance, w_over, crash, alone in _AGILE_STAGES
+        for name, share, speed, w_coll, tolerance, w_over, crash in _AGILE_STAGES
     )
 
 
@@ -122,6 +121,7 @@ REWARDS: dict[str, RewardWeights] = {
     "agile": RewardWeights(
         w_prog=1.0,
         progress_scale=1.0,
+        pay_up_to_v_min=True,
         w_align=0.0,
         w_speed=0.0,
         gate_bonus=1.0,

@@ -87,7 +87,7 @@ WEIGHTS = {**REWARDS, "opening": replace(REWARDS["paper"], progress_to="opening"
 @pytest.mark.parametrize("preset", WEIGHTS)
 @pytest.mark.parametrize("name", FORMULAS)
 def test_flight_terms_are_the_papers(name: str, preset: str) -> None:
-    weights, step = WEIGHTS[preset], random_step(1)
+    weights, step = replace(WEIGHTS[preset], pay_up_to_v_min=False), random_step(1)
     expected = each_drone(step, lambda s, i: FORMULAS[name](weights, s, i))
     np.testing.assert_allclose(components_of(weights, step)[name], expected, atol=2e-5)
     if preset == "paper":
@@ -182,6 +182,20 @@ def test_the_total_is_the_clipped_sum_or_the_end(preset: str) -> None:
     assert reward[~ended].min() >= -weights.clip
     assert reward.max() <= max(weights.clip, weights.gate_bonus)
     assert (np.abs(plain) == weights.clip).any()
+
+
+def test_progress_may_be_paid_up_to_v_min_alone() -> None:
+    """At twice v_min half of it, at half of v_min all of it; nothing else changes."""
+    step = random_step(8)
+    speed = np.linalg.norm(step["v1"], axis=0)
+    weights = REWARDS["default"]
+    capped = replace(weights, pay_up_to_v_min=True)
+    for v_min in (0.5, 3.0, 50.0):
+        rules = rules_of(STAGE, v_min=v_min)
+        usual, paid = (components_of(w, step, rules) for w in (weights, capped))
+        np.testing.assert_allclose(paid.pop("prog"), usual.pop("prog") * np.minimum(1, v_min / np.maximum(speed, 1e-9)), atol=1e-5)
+        for name, value in usual.items():
+            np.testing.assert_array_equal(paid[name], value)
 
 
 def test_printed_weights_reward_a_passed_gate_with_one_and_an_end_with_minus_one() -> None:

@@ -108,9 +108,10 @@ def reward_components(
     `nearest` is the closest approach to an opponent [m], `collided` any collision of the step.
     """
     w = weights
+    paid = jnp.minimum(1.0, rules.v_min / jnp.maximum(motion.speed, EPSILON)) if w.pay_up_to_v_min else 1.0
     components = {
         "prox": w.w_prox * proximity(motion.distance, w.proximity_decay, w.proximity_range),
-        "prog": w.w_prog * progress(motion.distance_before, motion.distance, w.progress_scale),
+        "prog": paid * w.w_prog * progress(motion.distance_before, motion.distance, w.progress_scale),
         "align": -w.w_align * misalignment(motion.velocity_w, motion.to_gate_w),
         "speed": w.w_speed * speed_match(motion.speed, rules.v_min),
         "near": -w.w_near * jnp.maximum(w.near_distance - nearest, 0.0),
