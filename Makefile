@@ -24,7 +24,7 @@ help:
 	@sed -n 's/^# \(make .*\)/\1/p' Makefile
 
 race: $(VENV)/.installed
-	@$(BIN)/cruise race --open
+	@$(BIN)/cruise race --vehicle racer --open
 
 test: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest -n $(WORKERS)
@@ -57,7 +57,7 @@ check-viewer:
 sb3: $(VENV)/.installed-sb3
 	@$(BIN)/python examples/train_sb3.py
 
-CELLS := ring-2 ring-3 ring-4 figure-eight-2 figure-eight-3 figure-eight-4
+CELLS := ring-2 ring-3 ring-4 figure-eight-2 figure-eight-3 figure-eight-4 racer-ring
 
 policies: $(VENV)/.installed $(CELLS:%=runs/%/policy.json)
 	@for cell in $(CELLS); do for kind in safetensors json; do \
@@ -66,10 +66,12 @@ policies: $(VENV)/.installed $(CELLS:%=runs/%/policy.json)
 # Of two seeds the one that flies best; and a dearer crash, of which four drones on the figure-eight have more.
 EXTRA.figure-eight-2 := --seed 2
 EXTRA.figure-eight-4 := --terminal -20
+# VEHICLE-TRACK: for fields of any size.
+TRAIN.racer-ring := --vehicle racer --track ring --drones 8
+TRACK_AND_DRONES = --track $(shell echo $* | sed 's/-[0-9]*$$//') --drones $(lastword $(subst -, ,$*))
 
 runs/%/policy.json:
-	$(BIN)/cruise train --track $(shell echo $* | sed 's/-[0-9]*$$//') --drones $(lastword $(subst -, ,$*)) --out runs/$* \
-	  $(EXTRA.$*)
+	$(BIN)/cruise train $(or $(TRAIN.$*),$(TRACK_AND_DRONES)) --out runs/$* $(EXTRA.$*)
 
 clean:
 	rm -rf $(VENV) .jax_cache .mypy_cache .pytest_cache .ruff_cache .hypothesis

@@ -1,6 +1,6 @@
 """What a race and a training run are made of, as plain frozen data. Knows nothing of JAX."""
 
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Literal
 
 Vec3 = tuple[float, float, float]
@@ -242,6 +242,10 @@ class Randomisation:
     velocity_error: float = 0.0  # along every axis [m/s]
     attitude_error: float = 0.0  # about every axis [rad]
     rate_error: float = 0.0  # about every axis [rad/s]
+
+    def scaled(self, factor: float) -> "Randomisation":
+        """All of it so many times as strong."""
+        return Randomisation(**{name: factor * value for name, value in asdict(self).items()})
 
 
 @dataclass(frozen=True)

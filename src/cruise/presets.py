@@ -197,4 +197,5 @@ def training_config(vehicle: str = "paper", drones: int = TrainConfig.drones) ->
             caution_distance=1.5,
         ),
         opponents=SelfPlayConfig(vary_field=True, evaluation_steps=1000),  # 20 s
+        randomisation=RANDOMISATION[vehicle].scaled(0.5),
     )

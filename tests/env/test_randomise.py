@@ -10,7 +10,7 @@ import pytest
 from cruise.config import Gate, Randomisation
 from cruise.dynamics import quaternion
 from cruise.env.race_env import RaceEnv, make_race_env
-from cruise.env.randomise import NOISE, made_for, perturbation, scaled
+from cruise.env.randomise import NOISE, made_for, perturbation
 from cruise.env.surroundings import Conditions, Gusts, Surroundings, gust_w, perceive
 from cruise.env.types import RaceState, race_rules
 from cruise.errors import CruiseError
@@ -70,7 +70,7 @@ def test_what_is_not_random_stays_out_of_the_state() -> None:
 
 
 def test_a_longer_delay_is_remembered() -> None:
-    late = scaled(FULL, 2.0)
+    late = FULL.scaled(2.0)
     assert made_for(RACER, late).airframe.longest_delay == pytest.approx(2 * FULL.extra_delay)
     assert drawn(late).drones.memory.commands.shape[0] == 2
 

@@ -193,7 +193,8 @@ def test_progress_may_be_paid_up_to_v_min_alone() -> None:
     for v_min in (0.5, 3.0, 50.0):
         rules = rules_of(STAGE, v_min=v_min)
         usual, paid = (components_of(w, step, rules) for w in (weights, capped))
-        np.testing.assert_allclose(paid.pop("prog"), usual.pop("prog") * np.minimum(1, v_min / np.maximum(speed, 1e-9)), atol=1e-5)
+        share = np.minimum(1, v_min / np.maximum(speed, 1e-9))
+        np.testing.assert_allclose(paid.pop("prog"), usual.pop("prog") * share, atol=1e-5)
         for name, value in usual.items():
             np.testing.assert_array_equal(paid[name], value)
 

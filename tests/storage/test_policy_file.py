@@ -59,12 +59,12 @@ def test_shipped_ones_are_found_by_name(tmp_path, monkeypatch):
 
 
 def test_what_is_shipped_is_sound():
-    """Each policy in pairs of files, named after its track and drones, measured, and loadable."""
+    """Each policy in pairs of files, named after track, vehicle and drones, measured, and loadable."""
     files = {path.name for path in policy_file.SHIPPED.glob("*")} - {"__init__.py", "__pycache__"}
     policies = list_policies()
     assert files == {name + ending for name in policies for ending in (".json", ".safetensors")}
     for name, about in policies.items():
-        assert name == f"{about.track}-{about.drones}"
+        assert name == shipped_name(about.track, about.drones, about.vehicle)
         assert about.track in TRACKS
         assert (about.results["track"], about.results["drones"]) == (about.track, about.drones)
         assert load_policy(name).name == name

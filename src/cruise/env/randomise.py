@@ -32,12 +32,6 @@ Shape = tuple[int, ...]
 Strengths = Mapping[str, Any]
 
 
-def scaled(randomisation: Randomisation, factor: float) -> Randomisation:
-    """All of it so many times as strong."""
-    fields = dataclasses.asdict(randomisation)
-    return Randomisation(**{name: factor * value for name, value in fields.items()})
-
-
 def made_for(vehicle: Vehicle, randomisation: Randomisation) -> Vehicle:
     """The vehicle, remembering commands for as long as the longest delay that may be drawn.
 

@@ -11,7 +11,7 @@ import jax
 
 from cruise.config import Randomisation, Track, Vehicle
 from cruise.env.race_env import RaceEnv, make_race_env
-from cruise.env.randomise import made_for, perturbation, scaled
+from cruise.env.randomise import made_for, perturbation
 from cruise.errors import CruiseError
 from cruise.evaluation.metrics import race_result
 from cruise.evaluation.pilot_choice import PilotChoice, find_pilot, identity
@@ -109,7 +109,7 @@ def make_match(
         return match
     if not 0 < randomise <= MAX_RANDOMISE:
         raise CruiseError(f"randomise must be from 0 to {MAX_RANDOMISE}, got {randomise}")
-    return replace(match, randomisation=scaled(RANDOMISATION[match.vehicle.name], randomise))
+    return replace(match, randomisation=RANDOMISATION[match.vehicle.name].scaled(randomise))
 
 
 def _in_one_vehicle(pilots: dict[Any, Pilot], names: set[Any], vehicle: str | None) -> dict[Any, Pilot]:

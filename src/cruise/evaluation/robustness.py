@@ -12,7 +12,7 @@ from jaxtyping import Array
 
 from cruise.config import Randomisation
 from cruise.env.race_env import RaceEnv, make_race_env
-from cruise.env.randomise import SENSED, Shape, draw_conditions, made_for, scaled
+from cruise.env.randomise import SENSED, Shape, draw_conditions, made_for
 from cruise.env.surroundings import Conditions
 from cruise.errors import CruiseError
 from cruise.evaluation.matches import STREAM, Match, fly_batch
@@ -106,7 +106,7 @@ def measure_robustness(match: Match, episodes: int, seed: int) -> Iterator[Point
 
 def _env(match: Match, full: Randomisation, table: tuple[Cell, ...]) -> RaceEnv:
     """The environment in which race number i of a batch is flown under cell i modulo their number."""
-    vehicle = made_for(match.vehicle, scaled(full, max(STRENGTHS)))
+    vehicle = made_for(match.vehicle, full.scaled(max(STRENGTHS)))
     course = make_course(match.track)
     chance, offset = _by_cell(full, table)
 
