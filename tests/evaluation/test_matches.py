@@ -73,8 +73,8 @@ BAD = {
         "pilot 'chaser' was made for vehicle 'paper', this race flies 'racer'",
     ),
     "nothing shipped": (
-        lambda: make_match(RING, 2, vehicle="crazyflie"),
-        "no policy is shipped for track 'ring' with 2 drones and vehicle 'crazyflie'",
+        lambda: make_match(RING, 2, vehicle="racer-5"),
+        "no policy is shipped for track 'ring' with 2 drones and vehicle 'racer-5'",
     ),
     "no races": (lambda: next(run_races(make_match(RING, 1, "chaser"), 0, 0)), "number of races must be from 1"),
     "seed below 0": (lambda: next(run_races(make_match(RING, 1, "chaser"), 1, -1)), "seed must be from 0"),
