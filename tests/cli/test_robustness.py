@@ -36,6 +36,7 @@ def test_json_has_every_cell(capsys):
     ("flags", "complaint"),
     [
         (["--randomise", "1"], "robustness goes through all strengths by itself: leave out --randomise"),
+        (["--simulator", "mujoco"], "other simulators do not know what robustness changes: leave out --simulator"),
         (["--png", "r.jpg"], "--png"),
         (["--episodes", "0"], "races must be from 1 to 10000, got 0"),
     ],

@@ -85,7 +85,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     if arguments == ["--version"]:
         print(f"cruise {__version__}")
         return 0
-    if {"crazyflow", "sim-to-sim"} & set(arguments):  # Crazyflow wants it before anything imports SciPy
+    if any(word.endswith(("crazyflow", "sim-to-sim")) for word in arguments):  # wanted before anything imports SciPy
         os.environ.setdefault("SCIPY_ARRAY_API", "1")
     try:
         code = _parse(arguments).run()

@@ -11,7 +11,7 @@ from rich.table import Column, Table
 
 from cruise.cli.compilation import use_compilation_cache
 from cruise.cli.evaluate import number
-from cruise.cli.line_up import LineUp, described
+from cruise.cli.line_up import OURS, LineUp, described
 from cruise.cli.outputs import check_output
 from cruise.errors import CruiseError
 
@@ -39,6 +39,8 @@ class Robustness:
         check_output("--png", self.png, ".png")
         if self.line_up.randomise:
             raise CruiseError("robustness goes through all strengths by itself: leave out --randomise")
+        if self.line_up.simulator != OURS:
+            raise CruiseError("other simulators do not know what robustness changes: leave out --simulator")
         use_compilation_cache()
         from cruise.evaluation.robustness import measure_robustness  # noqa: PLC0415  (imports JAX)
 

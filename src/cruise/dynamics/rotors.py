@@ -1,7 +1,7 @@
 """Four rotors: how their thrusts make a wrench, which wrenches they can make, and which gives way to which."""
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -33,13 +33,10 @@ def wrench_of(rotors: Rotors, thrusts: Float[Array, "4 *B"]) -> Wrench:
     return Wrench(thrusts[0] + thrusts[1] + thrusts[2] + thrusts[3], jnp.stack(torque))
 
 
-def rotor_thrusts(rotors: Rotors, wrench: Wrench) -> Float[Array, "4 *B"]:
-    """The four thrusts [N] that make a wrench: the inverse of `wrench_of`, without regard to limits."""
-    shares = [torque / (4 * lever) for torque, lever in zip(wrench.body_torque_b, levers(rotors), strict=True)]
-    collective = wrench.collective_thrust / 4
-    return jnp.stack([
-        collective + ROLL[i] * shares[0] + PITCH[i] * shares[1] + YAW[i] * shares[2] for i in range(4)
-    ])  # fmt: skip
+def places(rotors: Rotors) -> list[tuple[float, float, float]]:
+    """Where the rotors are in the body's frame [m]."""
+    forward, sideways = rotors.offset
+    return [(-pitch * forward, roll * sideways, 0.0) for roll, pitch in zip(ROLL, PITCH, strict=True)]
 
 
 class Demand(NamedTuple):
@@ -47,6 +44,19 @@ class Demand(NamedTuple):
 
     thrust: Component  # [N]
     torque: Three  # [N m]
+
+
+def rotor_thrusts(rotors: Rotors, wrench: Wrench) -> Float[Array, "4 *B"]:
+    """The four thrusts [N] that make a wrench: the inverse of `wrench_of`, without regard to limits."""
+    roll, pitch, yaw = wrench.body_torque_b
+    return jnp.stack(each_thrust(rotors, Demand(wrench.collective_thrust, (roll, pitch, yaw))))
+
+
+def each_thrust(rotors: Rotors, demand: Demand) -> list[Any]:
+    """The same one by one, for NumPy's arrays as well."""
+    shares = [torque / (4 * lever) for torque, lever in zip(demand.torque, levers(rotors), strict=True)]
+    collective = demand.thrust / 4
+    return [collective + ROLL[i] * shares[0] + PITCH[i] * shares[1] + YAW[i] * shares[2] for i in range(4)]
 
 
 def scaled(demand: Demand, gain: Scalar) -> Wrench:

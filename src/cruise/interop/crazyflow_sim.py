@@ -66,10 +66,12 @@ def _quiet() -> Iterator[None]:
     """Without a warning of MuJoCo about names of bodies, which it also writes into a file where the user is."""
     told = mujoco.get_mju_user_warning()
     mujoco.set_mju_user_warning(lambda _: None)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)
-        yield
-    mujoco.set_mju_user_warning(told)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)
+            yield
+    finally:
+        mujoco.set_mju_user_warning(told)
 
 
 def _placed(data: Any, body: FreeBody, speeds: Array) -> Any:

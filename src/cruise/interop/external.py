@@ -34,7 +34,8 @@ class Host(Protocol):
 def make_external(vehicle: Vehicle, advance: Advance) -> Dynamics:
     """The vehicle as `advance` moves it; start, observation and what an action means are ours.
 
-    Ground and delay: z stays above 0 as with us, a vehicle's delay is not carried over.
+    The ground is the simulator's, if it has one: touching it is a matter of the rules. A vehicle's delay, battery and
+    downwash are not carried over, nor is what `perturb` makes of its body.
 
     Raises:
         CruiseError: the vehicle is not flown by thrust and body rates.

@@ -3,7 +3,8 @@
 from typing import Any
 
 from cruise.config import Rotors, Vehicle
-from cruise.dynamics.rotors import PITCH, ROLL, YAW, levers
+from cruise.dynamics.quadrotor import Setpoint, rate_loop
+from cruise.dynamics.rotors import each_thrust
 from cruise.errors import CruiseError
 
 
@@ -20,16 +21,8 @@ def rotor_commands(vehicle: Vehicle, thrust: Any, wanted_b: Any, rates_b: Any) -
         rates_b: body rates measured [rad/s], [3, *B].
     """
     rotors, lag = rotors_of(vehicle), vehicle.airframe.rates.time_constant  # type: ignore[union-attr]
-    (jx, jy, jz), (p, q, r) = vehicle.inertia, rates_b
-    torque = (
-        jx * (wanted_b[0] - p) / lag + (jz - jy) * q * r,
-        jy * (wanted_b[1] - q) / lag + (jx - jz) * p * r,
-        jz * (wanted_b[2] - r) / lag + (jy - jx) * p * q,
-    )
-    roll, pitch, yaw = (part / (4 * lever) for part, lever in zip(torque, levers(rotors), strict=True))
-    collective = vehicle.mass * thrust / 4
-    asked = (collective + ROLL[i] * roll + PITCH[i] * pitch + YAW[i] * yaw for i in range(4))
-    return [one.clip(rotors.min_thrust, rotors.max_thrust) for one in asked]
+    demand = rate_loop(vehicle, lag, Setpoint(thrust, tuple(wanted_b)), rates_b)
+    return [one.clip(rotors.min_thrust, rotors.max_thrust) for one in each_thrust(rotors, demand)]
 
 
 def rotors_of(vehicle: Vehicle) -> Rotors:

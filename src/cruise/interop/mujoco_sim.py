@@ -8,7 +8,7 @@ import numpy as np
 
 from cruise.config import Vehicle
 from cruise.dynamics import FreeBody
-from cruise.dynamics.rotors import YAW
+from cruise.dynamics.rotors import YAW, places
 from cruise.interop.flight_controller import rotor_commands, rotors_of
 
 RATE = 500  # of the flight controller and of the physics [Hz]
@@ -30,7 +30,6 @@ MODEL = """
   </actuator>
 </mujoco>
 """
-CORNERS = ((1, 1), (1, -1), (-1, -1), (-1, 1))  # forward and left of each rotor, in our order
 
 
 class MujocoHost:
@@ -75,8 +74,7 @@ def model_of(vehicle: Vehicle) -> str:
     """The vehicle in MuJoCo's language."""
     rotors, drag = rotors_of(vehicle), vehicle.airframe.drag  # type: ignore[union-attr]
     sites, motors = [], []
-    for number, ((forward, left), spin) in enumerate(zip(CORNERS, YAW, strict=True)):
-        x, y = forward * rotors.offset[0], left * rotors.offset[1]
+    for number, ((x, y, _), spin) in enumerate(zip(places(rotors), YAW, strict=True)):
         sites.append(f'<site name="rotor{number}" pos="{x} {y} 0"/>')
         lag = f'dyntype="filterexact" dynprm="{rotors.time_constant}"' if rotors.time_constant else ""
         limits = f'ctrlrange="{rotors.min_thrust} {rotors.max_thrust}"'

@@ -8,9 +8,8 @@ from rotorpy.vehicles.multirotor import Multirotor
 
 from cruise.config import Vehicle
 from cruise.dynamics import FreeBody
-from cruise.dynamics.rotors import YAW
+from cruise.dynamics.rotors import YAW, places
 from cruise.interop.flight_controller import hover_thrust, rotors_of
-from cruise.interop.mujoco_sim import CORNERS
 
 RATE = 250  # of the rate loop [Hz]
 FASTEST = 2500.0  # of the rotors; thrust and drag are fitted to it, so that any will do [rad/s]
@@ -60,16 +59,12 @@ def parameters_of(vehicle: Vehicle) -> dict[str, Any]:
     assert airframe is not None
     thrust_factor = rotors.max_thrust / FASTEST**2
     hovering = math.sqrt(hover_thrust(vehicle) / thrust_factor)
-    places = {
-        f"r{number + 1}": np.array([forward * rotors.offset[0], left * rotors.offset[1], 0.0])
-        for number, (forward, left) in enumerate(CORNERS)
-    }
     return {
         "mass": vehicle.mass,
         **dict(zip(("Ixx", "Iyy", "Izz"), vehicle.inertia, strict=True)),
         **dict.fromkeys(("Ixy", "Ixz", "Iyz"), 0.0),
         "num_rotors": 4,
-        "rotor_pos": places,
+        "rotor_pos": {f"r{number}": np.array(place) for number, place in enumerate(places(rotors), start=1)},
         "rotor_directions": np.array(YAW),
         "rotor_speed_min": math.sqrt(rotors.min_thrust / thrust_factor),
         "rotor_speed_max": FASTEST,
