@@ -11,10 +11,10 @@ import pytest
 from cruise import rollout
 from cruise.env.race_env import make_race_env
 from cruise.errors import CruiseError
-from cruise.pilots.base import rows
 from cruise.pilots.neural import NeuralPilot
 from cruise.pilots.scripted import SCRIPTED, Chaser
 from cruise.presets import TRACKS, VEHICLES
+from cruise.racing.field import rows
 from cruise.rollout import fly, fly_from, team_rules
 from tests.storage.policies import random_params
 

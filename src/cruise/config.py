@@ -8,6 +8,7 @@ Integrator = Literal["euler", "semi_implicit", "midpoint", "rk4"]
 Control = Literal["acceleration", "velocity", "position", "ctbr"]
 ObservationKind = Literal["extended", "paper", "body"]
 SelfPlayMode = Literal["within", "after", "off"]
+OUR_SIMULATOR = "cruise"  # what moves the drones where no other is named
 
 
 @dataclass(frozen=True)
@@ -150,7 +151,6 @@ class Stage:
     w_over: float
     terminal_collisions: bool
     crash_share: float = 1.0  # of the price of a crash that ends an episode, `RewardWeights.terminal`
-    alone: bool = False  # opponents stay on the ground
 
 
 @dataclass(frozen=True)

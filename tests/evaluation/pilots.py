@@ -4,8 +4,8 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from cruise.pilots.base import rows
 from cruise.pilots.scripted import SCRIPTED, Chaser
+from cruise.racing.field import rows
 
 
 class Steady(eqx.Module):

@@ -7,10 +7,11 @@ import pytest
 
 from cruise.env.race_env import make_race_env
 from cruise.errors import CruiseError
-from cruise.pilots.base import crews, rows
+from cruise.pilots.base import crews
 from cruise.pilots.neural import NeuralPilot
 from cruise.pilots.scripted import SCRIPTED
 from cruise.presets import TRACKS, VEHICLES
+from cruise.racing.field import rows
 from tests.storage.policies import random_params
 
 KEY = jax.random.key(0)

@@ -9,7 +9,7 @@ import pytest
 
 from cruise.config import PPOConfig, TrainConfig
 from cruise.env.types import stage_rules
-from cruise.presets import CURRICULA, CURRICULUM, TRACKS, VEHICLES, training_config
+from cruise.presets import CURRICULUM, TRACKS, VEHICLES, training_config
 from cruise.storage.checkpoint import load_checkpoint, save_checkpoint
 from cruise.training.curriculum import plan_phases
 from cruise.training.self_play import play_on, replace_opponents
@@ -53,16 +53,6 @@ def test_the_plan_is_the_papers_table(size):
         found += [stage.gate_tolerance, stage.w_over, stage.terminal_collisions]
         assert found == theta
     assert end * per_update <= 40 * MILLION * config.step_scale
-
-
-def test_a_stage_may_be_flown_alone():
-    """Opponents are replaced all the same, so that those who take off later fly as well as anybody."""
-    stages = tuple(replace(stage, alone=number < 3) for number, stage in enumerate(CURRICULUM, start=1))
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(CURRICULA, "paper", stages)
-        phases = plan_phases(TrainConfig())
-    assert [phase.alone for phase in phases] == [True, True, False, False, False]
-    assert all(phase.self_play for phase in phases)
 
 
 def test_stages_of_agile_vehicles_are_faster_narrower_and_dearer_one_by_one():

@@ -88,8 +88,7 @@ BY_KIND_AFTER = "collisions_per_race"
 def measured_table(evaluation: "Evaluation") -> Table:
     """Everything measured, collisions by kind among it."""
     numbers = (Column(title, justify="right") for title in ("mean", "std", "95 % interval"))
-    drones = f"{evaluation.drones} drone{'s' * (evaluation.drones != 1)}"
-    races = f"{evaluation.episodes} race{'s' * (evaluation.episodes != 1)}"
+    drones, races = counted(evaluation.drones, "drone"), counted(evaluation.episodes, "race")
     title = f"{evaluation.policy} on {evaluation.track}: {drones}, {races}, seed {evaluation.seed}"
     table = Table("", *numbers, "", title=escape(title))
     for name, key, factor, unit in ROWS:
@@ -114,6 +113,11 @@ def cells(estimate: "Estimate", factor: float) -> tuple[str, str, str]:
     """Mean, deviation and interval."""
     mean, std, low, high = (number(factor * x) for x in (estimate.mean, estimate.std, estimate.low, estimate.high))
     return mean, std, "-" if math.isnan(estimate.low) else f"{low} .. {high}"
+
+
+def counted(count: int, noun: str) -> str:
+    """`1 race`, `2 races`."""
+    return f"{count} {noun}{'s' * (count != 1)}"
 
 
 def number(value: float) -> str:

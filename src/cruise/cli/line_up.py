@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from cruise.config import Track
+from cruise.config import OUR_SIMULATOR, Track
 from cruise.errors import CruiseError
 from cruise.presets import TRACKS
 from cruise.racing.track_file import load_track
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
 
 DEFAULT_TRACK = "ring"
 DEFAULT_DRONES = 4
-OURS = "cruise"
 
 
 def described(metavar: str) -> Any:
@@ -43,7 +42,7 @@ class LineUp:
     """What all of them fly (`cruise vehicles` lists them). By default what the pilots were made for, or paper."""
     randomise: Annotated[float, described("SHARE")] = 0.0
     """How far races differ from what vehicle and track say: a share of all that a real drone may differ by (0 to 2)."""
-    simulator: Annotated[str, described("NAME")] = OURS
+    simulator: Annotated[str, described("NAME")] = OUR_SIMULATOR
     """What moves the drones: cruise, or one of mujoco, rotorpy and crazyflow, each an extra of that name."""
     budget_ms: float = 10_000.0
     """Time for each action of a pilot in Python; one that takes longer ends the race with an error [ms]."""

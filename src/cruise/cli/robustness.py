@@ -10,9 +10,10 @@ from rich.markup import escape
 from rich.table import Column, Table
 
 from cruise.cli.compilation import use_compilation_cache
-from cruise.cli.evaluate import number
-from cruise.cli.line_up import OURS, LineUp, described
+from cruise.cli.evaluate import counted, number
+from cruise.cli.line_up import LineUp, described
 from cruise.cli.outputs import check_output
+from cruise.config import OUR_SIMULATOR
 from cruise.errors import CruiseError
 
 if TYPE_CHECKING:
@@ -39,7 +40,7 @@ class Robustness:
         check_output("--png", self.png, ".png")
         if self.line_up.randomise:
             raise CruiseError("robustness goes through all strengths by itself: leave out --randomise")
-        if self.line_up.simulator != OURS:
+        if self.line_up.simulator != OUR_SIMULATOR:
             raise CruiseError("other simulators do not know what robustness changes: leave out --simulator")
         use_compilation_cache()
         from cruise.evaluation.robustness import measure_robustness  # noqa: PLC0415  (imports JAX)
@@ -57,9 +58,8 @@ class Robustness:
         return 0
 
     def _title(self, match: "Match") -> str:
-        drones = f"{len(match.team)} drone{'s' * (len(match.team) != 1)}"
+        drones, races = counted(len(match.team), "drone"), counted(self.episodes, "race")
         names = ", ".join(dict.fromkeys(pilot.name for pilot in match.team))
-        races = f"{self.episodes} race{'s' * (self.episodes != 1)}"
         return f"{names} ({match.vehicle.name}) on {match.track.name}: {drones}, {races} each"
 
 

@@ -9,8 +9,9 @@ from rich.markup import escape
 from rich.table import Column, Table
 
 from cruise.cli.compilation import use_compilation_cache
-from cruise.cli.evaluate import number
-from cruise.cli.line_up import OURS, LineUp
+from cruise.cli.evaluate import counted, number
+from cruise.cli.line_up import LineUp
+from cruise.config import OUR_SIMULATOR
 from cruise.errors import CruiseError
 
 if TYPE_CHECKING:
@@ -31,7 +32,7 @@ class SimToSim:
 
     def run(self) -> int:
         """Fly the races and print what they show."""
-        if self.line_up.simulator != OURS:
+        if self.line_up.simulator != OUR_SIMULATOR:
             raise CruiseError("sim-to-sim flies in all simulators: leave out --simulator")
         use_compilation_cache()
         from cruise.evaluation.sim_to_sim import fly_everywhere  # noqa: PLC0415  (imports JAX)
@@ -48,8 +49,7 @@ def simulator_table(found: "list[Flown]") -> Table:
     """One row per simulator; laps beside ours."""
     ours = found[0].evaluation
     assert ours is not None
-    races = f"{ours.episodes} race{'s' * (ours.episodes != 1)}"
-    title = f"{ours.policy} on {ours.track}: {races} of {ours.drones}, seed {ours.seed}"
+    title = f"{ours.policy} on {ours.track}: {counted(ours.episodes, 'race')} of {ours.drones}, seed {ours.seed}"
     numbers = (Column(escape(name), justify="right") for name in ("finished %", "flying lap [s]", "to ours"))
     table = Table("simulator", *numbers, "what differs", title=escape(title))
     for one in found:

@@ -16,6 +16,7 @@ from cruise.env.surroundings import AS_SAID, Conditions, Surroundings, gust_w
 from cruise.env.types import Collisions, RaceState, Rules, StepOutcome
 from cruise.racing.contacts import nearest_opponent, on_ground, out_of_bounds
 from cruise.racing.course import Course, make_course, pick
+from cruise.racing.field import rows
 from cruise.racing.gates import cross_gates
 from cruise.racing.grid import Start, start_grid
 from cruise.vector import once
@@ -173,8 +174,7 @@ def make_race_env(
         return OBSERVATIONS[kind](_with_gates(env_course, state.surroundings), dynamics, state)
 
     def decode(kind: str, state: RaceState, action: Array, drones: tuple[int, ...] | None = None) -> Array:
-        some = drones is not None and drones != tuple(range(num_drones))
-        gate = state.next_gate[jnp.array(drones)] if some else state.next_gate
+        gate = state.next_gate if drones is None else rows(state.next_gate, drones, axis=0)
         return action_decoder(kind, dynamics)(_with_gates(env_course, state.surroundings), gate, action)
 
     observe_as: dict[str, Observe] = {kind: functools.partial(observe, kind) for kind in OBSERVATIONS}

@@ -132,10 +132,10 @@ def _gates(course: Course, strengths: Strengths, key: Array, races: Shape) -> Mo
     gates, ones = course.num_gates, (1,) * len(races)
     still = course.position_w.reshape(3, gates, *ones)
     yaw = jnp.arctan2(course.normal_w[1], course.normal_w[0]).reshape(gates, *ones)
-    chances = (jax.random.uniform(k, (n, gates, *races), minval=-1.0) for k, n in ((shift_key, 3), (turn_key, 1)))
-    shift, turn = (strengths.get(name, 0.0) * x for name, x in zip(("gate_shift", "gate_turn"), chances, strict=True))
+    shift = strengths.get("gate_shift", 0.0) * jax.random.uniform(shift_key, (3, gates, *races), minval=-1.0)
+    turn = strengths.get("gate_turn", 0.0) * jax.random.uniform(turn_key, (gates, *races), minval=-1.0)
     lowest = jnp.minimum(still[2], course.half_size[1].reshape(gates, *ones))
-    yaw = yaw + turn[0]
+    yaw = yaw + turn
     return MovedGates((still + shift).at[2].max(lowest), jnp.stack([jnp.cos(yaw), jnp.sin(yaw)]))
 
 

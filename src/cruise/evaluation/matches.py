@@ -9,7 +9,7 @@ from typing import Any
 
 import jax
 
-from cruise.config import Randomisation, Track, Vehicle
+from cruise.config import OUR_SIMULATOR, Randomisation, Track, Vehicle
 from cruise.env.race_env import RaceEnv, make_race_env
 from cruise.env.randomise import made_for, perturbation
 from cruise.errors import CruiseError
@@ -35,7 +35,6 @@ MAX_DRONES = 64
 MAX_LAPS = 100
 MAX_RANDOMISE = 2.0
 NOTHING_RANDOM = Randomisation()
-OURS = "cruise"  # the simulator that is used where no other is named
 DRONES_IN_BATCH = 1024  # flown at once at ten steps a second; bounds memory, not the number of races
 USUAL_VEHICLE = "paper"
 STREAM = 0x5EED  # keeps the starts of races apart from every start seen in training, whatever the seeds
@@ -49,7 +48,7 @@ class Match:
     team: tuple[Pilot, ...]  # one pilot per drone
     laps: int
     randomisation: Randomisation = NOTHING_RANDOM
-    simulator: str = OURS
+    simulator: str = OUR_SIMULATOR
 
     @property
     def vehicle(self) -> Vehicle:
@@ -159,7 +158,7 @@ def race_env(
     drones: int,
     vehicle: Vehicle,
     randomisation: Randomisation = NOTHING_RANDOM,
-    simulator: str = OURS,
+    simulator: str = OUR_SIMULATOR,
 ) -> RaceEnv:
     """The environment of a race; the same one for the same arguments, so that nothing is compiled twice.
 
@@ -167,7 +166,7 @@ def race_env(
         CruiseError: the vehicle cannot be randomised so, or not be flown in that simulator.
     """
     flown = made_for(vehicle, randomisation)
-    dynamics = None if simulator == OURS else make_simulated(simulator, flown)
+    dynamics = None if simulator == OUR_SIMULATOR else make_simulated(simulator, flown)
     return make_race_env(track, drones, flown, perturb=perturbation(track, flown, randomisation), dynamics=dynamics)
 
 

@@ -4,7 +4,8 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import NamedTuple
 
-from cruise.evaluation.matches import OURS, Match, evaluate_match
+from cruise.config import OUR_SIMULATOR
+from cruise.evaluation.matches import Match, evaluate_match
 from cruise.evaluation.summary import Evaluation
 from cruise.interop.flight_controller import rotors_of
 from cruise.interop.simulators import SIMULATORS, is_installed
@@ -25,7 +26,7 @@ def fly_everywhere(match: Match, episodes: int, seed: int) -> Iterator[Flown]:
         CruiseError: the vehicle is not flown by thrust and body rates, or a number is out of range.
     """
     rotors_of(match.vehicle)
-    for name, differs in ({OURS: ""} | SIMULATORS).items():
-        there = name == OURS or is_installed(name)
+    for name, differs in ({OUR_SIMULATOR: ""} | SIMULATORS).items():
+        there = name == OUR_SIMULATOR or is_installed(name)
         evaluation = evaluate_match(replace(match, simulator=name), episodes, seed) if there else None
         yield Flown(name, differs, evaluation)

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
-import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from cruise.config import Vehicle
@@ -69,10 +68,3 @@ def crews(team: Sequence[Pilot]) -> tuple[Crew, ...]:
     for drone, pilot in enumerate(team):
         drones.setdefault(id(pilot), []).append(drone)
     return tuple(Crew(team[flown[0]], tuple(flown)) for flown in drones.values())
-
-
-def rows(values: Array, drones: tuple[int, ...], axis: int) -> Array:
-    """The entries of some drones along the drone axis; no gather where they are all drones."""
-    if drones == tuple(range(values.shape[axis])):
-        return values
-    return values.take(jnp.array(drones), axis=axis)

@@ -10,8 +10,9 @@ from cruise.env.observation import FOR_ANY_FIELD
 from cruise.env.race_env import RaceEnv
 from cruise.env.types import RaceState
 from cruise.errors import CruiseError
-from cruise.pilots.base import Memory, rows
+from cruise.pilots.base import Memory
 from cruise.pilots.network import ActorCritic
+from cruise.racing.field import rows
 
 
 class NeuralPilot(eqx.Module):

@@ -11,9 +11,9 @@ from cruise.config import Vehicle
 from cruise.dynamics import Reference
 from cruise.env.race_env import RaceEnv
 from cruise.env.types import RaceState
-from cruise.pilots.base import Memory, Pilot, rows
+from cruise.pilots.base import Memory, Pilot
 from cruise.racing.course import Course, pick
-from cruise.racing.field import opponent, opponents
+from cruise.racing.field import opponent, opponents, rows
 from cruise.vector import norm
 
 EPSILON = 1e-6

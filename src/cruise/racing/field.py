@@ -18,3 +18,10 @@ def opponent(values: Array, k: int, axis: int) -> Array:
 def opponents(num_drones: int) -> Iterator[int]:
     """Numbers of a drone's opponents."""
     return iter(range(1, num_drones))
+
+
+def rows(values: Array, drones: tuple[int, ...], axis: int) -> Array:
+    """The entries of some drones along the drone axis; no gather where they are all drones."""
+    if drones == tuple(range(values.shape[axis])):
+        return values
+    return values.take(jnp.array(drones), axis=axis)

@@ -29,7 +29,7 @@ def _stages(config: TrainConfig) -> list[tuple[int, Stage, bool, bool]]:
         total = sum(stage.steps for stage in curriculum)
         numbered = [(len(curriculum), replace(curriculum[-1], steps=total))]
     if mode == "within":
-        return [(k, stage, stage.alone, True) for k, stage in numbered]
+        return [(k, stage, False, True) for k, stage in numbered]
     plan = [(k, stage, True, False) for k, stage in numbered]
     if mode == "after":
         k, last, _, _ = plan.pop()

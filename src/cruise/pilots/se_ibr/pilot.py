@@ -13,7 +13,6 @@ from cruise.dynamics import RigidBody
 from cruise.env.race_env import RaceEnv
 from cruise.env.types import RaceState
 from cruise.errors import CruiseError
-from cruise.pilots.base import rows
 from cruise.pilots.se_ibr.centre_line import make_centre_line, start_progress
 from cruise.pilots.se_ibr.game import Plan, Traffic, best_responses, first_plan, shifted
 from cruise.pilots.se_ibr.options import Algorithm, Style
@@ -21,6 +20,7 @@ from cruise.pilots.se_ibr.settings import Setting, style_of
 from cruise.pilots.se_ibr.tracking import Moment, Tracker, tracker_of
 from cruise.pilots.se_ibr.trajectory import make_trajectory
 from cruise.presets import VEHICLES
+from cruise.racing.field import rows
 from cruise.vector import norm
 
 
