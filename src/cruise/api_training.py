@@ -8,7 +8,7 @@ from cruise.config import TrainConfig
 from cruise.evaluation.matches import evaluate_policy
 from cruise.pilots.neural import NeuralPilot
 from cruise.presets import VEHICLES
-from cruise.racing.track_file import load_track
+from cruise.racing.random_track import training_track
 from cruise.report.training_figure import draw_training
 from cruise.storage.policy_file import load_policy
 from cruise.training.devices import use_cores
@@ -43,7 +43,7 @@ def train(
     check_config(config)
     use_cores()
     folder = Path(out) if out else default_folder(config)
-    session = Session(folder, config, load_track(config.track), VEHICLES[config.vehicle])
+    session = Session(folder, config, training_track(config), VEHICLES[config.vehicle])
     for progress in session:
         if show:
             show(progress)

@@ -135,6 +135,7 @@ class Track:
     laps: int = 3
     frame_width: float = 0.3  # solid border around every opening [m]
     leave_distance: float = 10.0  # farther than this from every gate has left the track [m]
+    variants: tuple[tuple[Gate, ...], ...] = ()  # other places of the same gates; where given, every race draws one
 
 
 @dataclass(frozen=True)
@@ -252,10 +253,11 @@ class Randomisation:
 class TrainConfig:
     """Everything a training run depends on."""
 
-    track: str = "ring"  # name of a built-in track, or path of a TOML file
+    track: str = "ring"  # name of a built-in track, path of a TOML file, or `random`
     drones: int = 4
     seed: int = 0
     vehicle: str = "paper"
+    start_from: str = ""  # name or path of a policy that learns on; none: from scratch
     observation: ObservationKind = "extended"
     vanilla: bool = False  # train on the last stage alone, from scratch, for as many steps
     step_scale: float = 1.0  # multiplies every stage's budget

@@ -4,51 +4,28 @@ import math
 from dataclasses import replace
 
 from cruise.config import (
-    Gate,
     PPOConfig,
     Randomisation,
     RewardWeights,
     SelfPlayConfig,
     Stage,
-    Track,
     TrainConfig,
     Vehicle,
 )
+from cruise.tracks import PAPER_TRACKS, PUBLISHED_TRACKS, TRACKS
 from cruise.vehicles import VEHICLES
 
-__all__ = ["CURRICULA", "CURRICULUM", "RANDOMISATION", "REWARDS", "TRACKS", "VEHICLES", "training_config"]
-
-
-def _ring() -> Track:
-    """Five gates on a circle of 10 m, heights alternating, flown counter-clockwise."""
-    heights = (4.0, 3.0, 4.0, 3.0, 4.0)
-    angles = [2 * math.pi * k / 5 for k in range(5)]
-    gates = tuple(
-        Gate((10 * math.cos(a), 10 * math.sin(a), z), a + math.pi / 2) for a, z in zip(angles, heights, strict=True)
-    )
-    return Track("ring", gates, bounds_low=(-20.0, -20.0, 0.0), bounds_high=(20.0, 20.0, 14.0))
-
-
-def _figure_eight() -> Track:
-    """Six gates, two loops that cross at the origin.
-
-    Yaws are the bisectors of incoming and outgoing segment, not those of the paper's repository, which do not
-    face the direction of flight at every gate.
-    """
-    east, north, west = 0.0, math.pi / 2, math.pi
-    rows = [
-        ((5.0, -5.0, 1.0), east),
-        ((10.0, 0.0, 2.0), north),
-        ((5.0, 5.0, 2.0), west),
-        ((-5.0, -5.0, 0.5), west),
-        ((-10.0, 0.0, 0.5), north),
-        ((-5.0, 5.0, 1.5), east),
-    ]
-    gates = tuple(Gate(position, yaw) for position, yaw in rows)
-    return Track("figure-eight", gates, bounds_low=(-20.0, -15.0, 0.0), bounds_high=(20.0, 15.0, 12.0))
-
-
-TRACKS: dict[str, Track] = {track.name: track for track in (_ring(), _figure_eight())}
+__all__ = [
+    "CURRICULA",
+    "CURRICULUM",
+    "PAPER_TRACKS",
+    "PUBLISHED_TRACKS",
+    "RANDOMISATION",
+    "REWARDS",
+    "TRACKS",
+    "VEHICLES",
+    "training_config",
+]
 
 # The paper's curriculum table, row by row.
 CURRICULUM: tuple[Stage, ...] = (

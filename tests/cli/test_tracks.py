@@ -68,7 +68,7 @@ def test_unreadable_files_give_one_line(case, command, tmp_path, capsys):
             "error: unknown command 'trakcs': did you mean 'tracks'? commands: race, replay, train",
         ),
         (["xyz"], 2, "error: unknown command 'xyz': commands: race, replay, train"),
-        (["tracks"], 2, "Expected one of {list, show, check}"),
+        (["tracks"], 2, "Expected one of {list, show, check, random}"),
         (["tracks", "shwo"], 2, "Available subcommands: list, show, check"),
         (["tracks", "show"], 2, "NAME|FILE"),
         (["tracks", "list", "--bogus"], 2, "Unrecognized options: --bogus"),

@@ -15,6 +15,8 @@ from cruise.env.surroundings import Conditions, Gusts, Surroundings, gust_w, per
 from cruise.env.types import RaceState, race_rules
 from cruise.errors import CruiseError
 from cruise.presets import RANDOMISATION, TRACKS, VEHICLES
+from cruise.racing.course import pick
+from cruise.racing.random_track import random_tracks
 from tests.helpers import arrays, quick_jit
 
 RING, RACER, PAPER = TRACKS["ring"], VEHICLES["racer"], VEHICLES["paper"]
@@ -197,3 +199,41 @@ def test_the_papers_vehicle_has_gates_and_sensors_to_differ() -> None:
 def test_what_makes_no_sense_is_refused(changes: dict, vehicle, complaint: str) -> None:
     with pytest.raises(CruiseError, match=complaint):
         made_for(vehicle, Randomisation(**changes))
+
+
+def test_every_race_gets_a_variant_of_the_track_as_it_stands():
+    track = random_tracks(0, 5)
+    env = make_race_env(track, 2, RACER, "body")
+    course = env.course_of(env.reset(jax.random.key(0), (200,)))
+    tables = np.array([[gate.position_w for gate in gates] for gates in track.variants], np.float32)
+    yaws = np.array([[gate.yaw for gate in gates] for gates in track.variants])
+    drawn = np.moveaxis(np.asarray(course.position_w), 2, 0).swapaxes(1, 2)
+    which = [np.flatnonzero((tables == race).all((1, 2))) for race in drawn]
+    assert all(len(found) == 1 for found in which)
+    chosen = np.concatenate(which)
+    assert set(chosen) == set(range(5))
+    expected = np.stack([np.cos(yaws[chosen]), np.sin(yaws[chosen])])
+    np.testing.assert_allclose(np.moveaxis(np.asarray(course.normal_w), 2, 1), expected, atol=1e-6)
+
+
+def test_gates_of_a_variant_are_moved_too():
+    track = random_tracks(0, 5)
+    shifted = Randomisation(gate_shift=0.1)
+    env = make_race_env(track, 1, RACER, "body", perturb=perturbation(track, RACER, shifted))
+    course = env.course_of(env.reset(jax.random.key(0), (50,)))
+    tables = np.array([[gate.position_w for gate in gates] for gates in track.variants], np.float32)
+    drawn = np.moveaxis(np.asarray(course.position_w), 2, 0).swapaxes(1, 2)
+    nearest = np.abs(drawn[:, None] - tables).max((2, 3)).min(1)
+    assert 0 < nearest.min() <= nearest.max() <= 0.1 + 1e-5
+
+
+def test_races_on_random_tracks_start_before_their_own_gates():
+    track = random_tracks(0, 5)
+    env = make_race_env(track, 1, RACER, "body")
+    state = env.reset(jax.random.key(0), (100,))
+    course = env.course_of(state)
+    centre, normal = pick(course.position_w, state.next_gate), pick(course.normal_w, state.next_gate)
+    offset = state.drones.position_w - centre
+    forward = np.asarray(offset[0] * normal[0] + offset[1] * normal[1])
+    assert forward.max() < -1.0
+    assert forward.min() > -3.5

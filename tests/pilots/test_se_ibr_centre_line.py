@@ -6,9 +6,9 @@ import pytest
 
 from cruise.config import Gate, Track
 from cruise.pilots.se_ibr.centre_line import HALF_CORRIDOR, frame_at, make_centre_line, project, start_progress
-from cruise.pilots.se_ibr.curves import SHARPEST, TURN_RADIUS, bent_least, turning_way
 from cruise.presets import TRACKS
 from cruise.racing.track_file import load_track
+from cruise.racing.ways import SHARPEST, TURN_RADIUS, bent_least, turning_way
 from tests.helpers import quick_jit, random_track
 
 FAR = {"bounds_low": (-40.0, -40.0, 0.0), "bounds_high": (40.0, 40.0, 30.0)}

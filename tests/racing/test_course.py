@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cruise.config import Track
-from cruise.presets import TRACKS
+from cruise.presets import PAPER_TRACKS, TRACKS
 from cruise.racing.course import make_course, pick
 from cruise.racing.field import opponent, opponents
 from tests.helpers import random_track
@@ -38,7 +38,7 @@ def test_pick_is_indexing(shape: tuple[int, ...]) -> None:
 def test_the_papers_tracks() -> None:
     """Gates, lengths and heights of the paper's two tracks."""
     lengths = {}
-    for name, track in TRACKS.items():
+    for name, track in PAPER_TRACKS.items():
         gates = np.array([g.position_w for g in track.gates])
         lengths[name] = np.linalg.norm(np.roll(gates, -1, axis=0) - gates, axis=1).sum()
         assert all(g.width == g.height == 2.0 for g in track.gates)
@@ -51,7 +51,7 @@ def test_the_papers_tracks() -> None:
     np.testing.assert_allclose([g.yaw for g in eight.gates], yaws)
 
 
-@pytest.mark.parametrize("track", TRACKS.values(), ids=lambda t: t.name)
+@pytest.mark.parametrize("track", PAPER_TRACKS.values(), ids=lambda t: t.name)
 def test_built_in_gates_face_the_direction_of_flight(track: Track) -> None:
     """Each normal points along the segment that arrives and the one that leaves."""
     gates = np.array([g.position_w for g in track.gates])

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from cruise.config import Gate, Track
-from cruise.presets import TRACKS
+from cruise.presets import PAPER_TRACKS
 from cruise.racing.course import make_course
 from cruise.racing.gates import Crossing, cross_gates
 from tests.helpers import random_track, yaw_matrix
 from tests.racing.oracle import SAMPLES, Segments, axes, meet, random_segments
 
-RING = TRACKS["ring"]
-ALL_TRACKS = {**TRACKS, "random": random_track(1)}
+RING = PAPER_TRACKS["ring"]
+ALL_TRACKS = {**PAPER_TRACKS, "random": random_track(1)}
 COUNT = 600
 referee = jax.jit(cross_gates)
 

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from cruise.config import Track
-from cruise.presets import TRACKS
+from cruise.presets import PAPER_TRACKS
 from cruise.racing.course import make_course
 from cruise.racing.grid import LANES, MIN_HEIGHT, Start, start_grid
 from tests.helpers import quick_jit, random_track
 
-ALL_TRACKS = [*TRACKS.values(), random_track(7)]
+ALL_TRACKS = [*PAPER_TRACKS.values(), random_track(7)]
 # Grids know gates alone, so one long row of all tracks' gates is drawn from at once.
 GATES = [(track, gate) for track in ALL_TRACKS for gate in track.gates]
 COURSE = make_course(Track("all", tuple(gate for _, gate in GATES), (-30.0, -30.0, 0.0), (30.0, 30.0, 20.0)))

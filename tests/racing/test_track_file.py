@@ -53,9 +53,15 @@ def test_unreadable_content_is_refused(case, tmp_path):
 @pytest.mark.parametrize(
     ("name", "expected"),
     [
-        ("rnig", "unknown track 'rnig': did you mean 'ring'? built-in tracks: ring, figure-eight; or give"),
+        (
+            "rnig",
+            "unknown track 'rnig': did you mean 'ring'? built-in tracks: ring, figure-eight, split-s, a2rl-2025, delft-eight; or give",
+        ),
         ("Figure_Eight", "unknown track 'Figure_Eight': did you mean 'figure-eight'? built-in tracks"),
-        ("monza", "unknown track 'monza': built-in tracks: ring, figure-eight; or give a TOML file's path"),
+        (
+            "monza",
+            "unknown track 'monza': built-in tracks: ring, figure-eight, split-s, a2rl-2025, delft-eight; or give a TOML file's path",
+        ),
         ("", "unknown track ''"),
         ("a\nb", "unknown track 'a\\nb'"),
         ("missing.toml", "missing.toml: no such track file"),

@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 
-from cruise.presets import CURRICULUM, TRACKS
+from cruise.presets import CURRICULUM, PAPER_TRACKS
 from cruise.reproduction.evidence import track_length
 from cruise.reproduction.learned import Cell
 from cruise.reproduction.plan import DUEL, ENTRANTS, Job, Scale, config_of, make_plan
@@ -135,4 +135,4 @@ def invent(folder: ResultFolder, scale: Scale, jobs: tuple[Job, ...] | None = No
         folder.write(job, result)
 
 
-assert set(TRACKS) == {"ring", "figure-eight"}
+assert set(PAPER_TRACKS) == {"ring", "figure-eight"}

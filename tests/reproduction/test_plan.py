@@ -6,7 +6,7 @@ import pytest
 
 from cruise.config import RewardWeights, TrainConfig
 from cruise.errors import CruiseError
-from cruise.presets import CURRICULUM, REWARDS, TRACKS, training_config
+from cruise.presets import CURRICULUM, PAPER_TRACKS, REWARDS, training_config
 from cruise.reproduction.commands import reproduce_command, train_command
 from cruise.reproduction.plan import (
     ABLATIONS,
@@ -142,4 +142,4 @@ def test_commands_say_what_differs():
 
 
 def test_all_tracks_are_planned():
-    assert full_scale().tracks == tuple(TRACKS)
+    assert full_scale().tracks == tuple(PAPER_TRACKS)

@@ -56,8 +56,9 @@ def shared_trainer(
     vehicle: Vehicle = VEHICLES["paper"],
     devices: Sequence[jax.Device] | None = None,
 ) -> Trainer:
-    """A trainer for another seed or checkpoint interval, which asks for no other program than the tiny run's."""
-    assert replace(config, seed=TINY.seed, checkpoint_seconds=TINY.checkpoint_seconds) == TINY
+    """A trainer for another seed, checkpoint interval or beginning, which asks for no other program than the tiny run's."""
+    same = {name: getattr(TINY, name) for name in ("seed", "checkpoint_seconds", "start_from")}
+    assert replace(config, **same) == TINY
     assert (track, vehicle) == (TRACKS["ring"], VEHICLES["paper"])
     assert devices is None or list(devices) == list(tiny_trainer().mesh.devices)
     trainer = copy.copy(tiny_trainer())
@@ -77,8 +78,10 @@ def open_session(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[..
     """Opens a run in `tmp_path / "run"` on programs that are compiled already."""
     monkeypatch.setattr(session, "Trainer", shared_trainer)
 
-    def open_it(seconds: float = 1e9, *, folder: Path = tmp_path / "run", resume: bool = False) -> Session:
-        config = replace(TINY, checkpoint_seconds=seconds)
+    def open_it(
+        seconds: float = 1e9, *, folder: Path = tmp_path / "run", resume: bool = False, start_from: str = ""
+    ) -> Session:
+        config = replace(TINY, checkpoint_seconds=seconds, start_from=start_from)
         return Session(folder, config, TRACKS["ring"], VEHICLES["paper"], resume=resume)
 
     return open_it

@@ -9,7 +9,7 @@ from cruise.errors import CruiseError
 from cruise.pilots.neural import NeuralPilot
 from cruise.storage.checkpoint import CURRENT, PREVIOUS
 from cruise.storage.config_file import load_config
-from cruise.storage.policy_file import load_policy, read_meta
+from cruise.storage.policy_file import load_policy, read_meta, read_policy
 from cruise.training import session as session_module
 from cruise.training.session import CONFIG, METRICS, resume_config
 from tests.training.runs import TINY, UPDATES, bits, open_session, tiny_trainer, train, uninterrupted, whole_run
@@ -93,3 +93,26 @@ def test_nothing_to_resume(open_session, tmp_path):
         (session.folder / name).unlink(missing_ok=True)
     with pytest.raises(CruiseError, match="no checkpoint in"):
         open_session(resume=True)
+
+
+def test_a_run_can_start_from_a_policy(open_session, uninterrupted, tmp_path):
+    """Everybody flies it at first, and learning goes on from there."""
+    policy = uninterrupted.folder / "stage-5"
+    session = open_session(folder=tmp_path / "on", start_from=str(policy))
+    expected = bits(read_policy(policy).params)
+    pool = session.state.opponents
+    assert bits(session.state.model) == bits(pool.newest) == bits(pool.previous) == expected
+
+
+@pytest.mark.parametrize(
+    ("policy", "words"),
+    [
+        ("racer-ring", "flies a racer by the body observation, this run trains for a paper by the extended one"),
+        ("ring-2", "other layers than this run: give --hidden"),
+        ("nowhere", "nowhere"),
+    ],
+)
+def test_a_policy_that_does_not_fit_is_refused_and_leaves_no_run(open_session, tmp_path, policy, words):
+    with pytest.raises(CruiseError, match=words):
+        open_session(folder=tmp_path / "on", start_from=policy)
+    assert not (tmp_path / "on" / "config.json").exists()

@@ -108,6 +108,10 @@ class StandingStart(NamedTuple):
             raise CruiseError(f"a start has positions [{drones}, 3] or [{races}, {drones}, 3], and a gate") from None
         if not (np.isfinite(position).all() and ((gate >= 0) & (gate < gates)).all()):
             raise CruiseError(f"a start has finite positions, and a gate from 0 to {gates - 1}")
+        if setup.env.track.variants:
+            raise CruiseError(
+                f"a start needs a track whose gates are known, and {setup.env.track.name!r} is drawn anew"
+            )
         x, y = np.asarray(setup.env.course.normal_w)[:, gate]
         heading = np.broadcast_to(np.arctan2(y, x), (drones, races))
         return Start(jnp.asarray(position.transpose(2, 1, 0)), jnp.asarray(heading), jnp.asarray(gate))

@@ -10,7 +10,7 @@ from cruise.cli.compilation import use_compilation_cache
 from cruise.cli.line_up import described, usual_track
 from cruise.cli.outputs import check_output
 from cruise.errors import CruiseError
-from cruise.racing.track_file import load_track
+from cruise.racing.track_file import load_one_track
 
 if TYPE_CHECKING:
     from cruise.export.files import Exported
@@ -46,7 +46,7 @@ class Export:
         from cruise.storage.policy_file import read_policy  # noqa: PLC0415
 
         policy = read_policy(self.policy)
-        track = load_track(self.track) if self.track is not None else usual_track(policy.meta)
+        track = load_one_track(self.track) if self.track is not None else usual_track(policy.meta)
         exporter = Exporter.of(policy, track)
         if self.onnx is not None:
             print(told(exporter.onnx(self.onnx, "observation" if self.network else "state", self.measure)))

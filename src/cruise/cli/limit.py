@@ -9,7 +9,7 @@ import tyro
 from cruise.cli.line_up import described
 from cruise.cli.outputs import check_output
 from cruise.errors import CruiseError
-from cruise.racing.track_file import load_track
+from cruise.racing.track_file import load_one_track
 from cruise.vehicles import find_vehicle
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ class FindLimit:
     def run(self) -> int:
         """Solve, print the lap and its splits, write the log."""
         check_output("--log", self.log, ".npz")
-        track, vehicle = load_track(self.track), find_vehicle(self.vehicle)
+        track, vehicle = load_one_track(self.track), find_vehicle(self.vehicle)
         _check_casadi()
         from cruise.limit.lap import MAX_LAPS, find_limit  # noqa: PLC0415  (imports CasADi, and JAX with the rotors)
         from cruise.limit.log import limit_log  # noqa: PLC0415

@@ -9,7 +9,7 @@ import tyro
 from cruise.config import OUR_SIMULATOR, Track
 from cruise.errors import CruiseError
 from cruise.presets import TRACKS
-from cruise.racing.track_file import load_track
+from cruise.racing.track_file import RANDOM, load_track
 
 if TYPE_CHECKING:
     from cruise.evaluation.matches import Match
@@ -74,8 +74,8 @@ def usual_track(meta: "PolicyMeta | None" = None) -> Track:
     if meta is None:
         return TRACKS[DEFAULT_TRACK]
     trained_on = meta.config.get("track", meta.track)
-    if meta.track in TRACKS:
-        return TRACKS[meta.track]
+    if meta.track in (*TRACKS, RANDOM):
+        return load_track(meta.track)
     if isinstance(trained_on, str) and Path(trained_on).is_file():
         return load_track(trained_on)
     raise CruiseError(f"policy {meta.name!r} was trained on track {meta.track!r}, not a built-in one: give its --track")

@@ -1,8 +1,9 @@
-"""`cruise tracks list | show NAME | check FILE`."""
+"""`cruise tracks list | show NAME | check FILE | random`."""
 
 import math
 import sys
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated
 
 import tyro
@@ -12,7 +13,8 @@ from rich.table import Column, Table
 
 from cruise.config import Track
 from cruise.presets import TRACKS
-from cruise.racing.track_file import document_faults, load_track, read_document, track_faults
+from cruise.racing.random_track import USUAL_GATES, random_track
+from cruise.racing.track_file import document_faults, load_one_track, read_document, save_track, track_faults
 from cruise.racing.track_geometry import lap_length, segment_lengths
 from cruise.racing.track_schema import shown
 
@@ -41,7 +43,7 @@ class Show:
 
     def run(self) -> int:
         """Print a table of gates, then the lap and the limits."""
-        track = load_track(self.track)
+        track = load_one_track(self.track)
         Console().print(_gate_table(track))
         print(_summary(track))
         print(f"bounds {_corner(track.bounds_low)} to {_corner(track.bounds_high)} m")
@@ -65,18 +67,44 @@ class Check:
             print(f"{shown(self.track)}: {fault}", file=sys.stderr)
         if faults:
             return 1
-        print(f"{shown(self.track)}: no faults; {_summary(load_track(self.track))}")
+        print(f"{shown(self.track)}: no faults; {_summary(load_one_track(self.track))}")
+        return 0
+
+
+@dataclass(frozen=True)
+class Random:
+    """Draw a track at random that can be flown."""
+
+    seed: int = 0
+    """The same seed gives the same track."""
+    gates: int = USUAL_GATES
+    """How many, from 3 to 40."""
+    difficulty: float = 0.5
+    """From 0, wide bends nearly level, to 1: close, shuffled, at all heights, gates one above the other."""
+    out: Path | None = None
+    """Write it to this TOML file."""
+
+    def run(self) -> int:
+        """Print the gates, or write the file."""
+        track = random_track(self.seed, self.gates, self.difficulty)
+        if self.out is None:
+            Console().print(_gate_table(track))
+        else:
+            save_track(track, self.out)
+            print(f"track {self.out}")
+        print(_summary(track))
         return 0
 
 
 @dataclass(frozen=True)
 class Tracks:
-    """List, show and check tracks."""
+    """List, show, check and draw tracks."""
 
     command: (
         Annotated[List, tyro.conf.subcommand("list")]
         | Annotated[Show, tyro.conf.subcommand("show")]
         | Annotated[Check, tyro.conf.subcommand("check")]
+        | Annotated[Random, tyro.conf.subcommand("random")]
     )
 
     def run(self) -> int:

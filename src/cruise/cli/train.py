@@ -17,7 +17,7 @@ from cruise.cli.watch import Watch
 from cruise.config import TrainConfig
 from cruise.errors import CruiseError
 from cruise.presets import REWARDS, VEHICLES, training_config
-from cruise.racing.track_file import load_track
+from cruise.racing.random_track import training_track
 from cruise.vehicles import find_vehicle
 
 MAX_EPISODES = 1_000_000
@@ -70,7 +70,7 @@ class Train:
             raise CruiseError(f"--episodes must be between 1 and {MAX_EPISODES}, not {self.episodes}")
         folder = self.resume or self.out or default_folder(config)
         devices = choose_devices(config.ppo.races, self.devices)
-        track, vehicle = load_track(config.track), VEHICLES[config.vehicle]
+        track, vehicle = training_track(config), VEHICLES[config.vehicle]
         session = Session(folder, config, track, vehicle, resume=bool(self.resume), devices=devices)
         try:
             with (

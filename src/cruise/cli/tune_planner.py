@@ -10,7 +10,7 @@ from cruise import __version__
 from cruise.cli.compilation import use_compilation_cache
 from cruise.cli.line_up import described
 from cruise.errors import CruiseError
-from cruise.racing.track_file import load_track
+from cruise.racing.track_file import load_one_track
 
 if TYPE_CHECKING:
     from cruise.evaluation.planner_search import Candidate, Effort, Progress
@@ -31,7 +31,7 @@ class TunePlanner:
 
     def run(self) -> int:
         """Search, say how it goes, and write the best. Stopped before its end, it writes nothing."""
-        track = load_track(self.track)
+        track = load_one_track(self.track)
         kept = read_kept(self.out)
         use_compilation_cache()
         from cruise.evaluation.planner_search import Effort, search  # noqa: PLC0415  (imports JAX)

@@ -8,9 +8,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from cruise.config import ObservationKind, RewardWeights, Track, Vehicle
+from cruise.config import ObservationKind, Randomisation, RewardWeights, Track, Vehicle
 from cruise.dynamics import DroneState, Dynamics, make_dynamics
 from cruise.env.observation import OBSERVATIONS, action_decoder
+from cruise.env.randomise import perturbation
 from cruise.env.reward import Motion, Target, reward_components, total_reward
 from cruise.env.surroundings import AS_SAID, Conditions, Surroundings, gust_w
 from cruise.env.types import Collisions, RaceState, Rules, StepOutcome
@@ -113,12 +114,13 @@ def make_race_env(
         observation: what `observe` gives.
         reward: weights; by default those of `RewardWeights`.
         perturb: draws what the races that `reset` starts are like, `cruise.env.randomise.perturbation` among them; by
-            default they are as vehicle and track say.
+            default they are as vehicle and track say, each on a variant of the track where that has any.
         dynamics: what moves the drones; by default our own equations of the vehicle.
     """
     weights = reward or RewardWeights()
     env_course = make_course(track)
     dynamics = dynamics or make_dynamics(vehicle)
+    perturb = perturb or perturbation(track, vehicle, Randomisation())
 
     def begin(start: Start, conditions: Conditions = AS_SAID) -> RaceState:
         drones = dynamics.init(start.position_w, start.heading, conditions.parameters)

@@ -13,7 +13,6 @@ from cruise.config import Randomisation, Track, Vehicle
 from cruise.dynamics.parameters import Parameters, physics_of
 from cruise.env.surroundings import GUST_PERIODS, Conditions, Gusts, MovedGates, SensorErrors, Surroundings
 from cruise.errors import CruiseError
-from cruise.racing.course import Course, make_course
 
 NOISE = 0.5  # of a sensor's error, that is new at every step
 SENSED = ("position_error", "velocity_error", "attitude_error", "rate_error")  # in the order of `SensorErrors`
@@ -62,16 +61,15 @@ def perturbation(
 ) -> Callable[[Array, Shape], Conditions] | None:
     """What `make_race_env` takes to draw races so; None where nothing is random."""
     strengths = {name: value for name, value in dataclasses.asdict(randomisation).items() if value}
-    course = make_course(track)
 
     def draw(key: Array, shape: Shape) -> Conditions:
-        return draw_conditions(course, vehicle, strengths, key, shape)
+        return draw_conditions(track, vehicle, strengths, key, shape)
 
-    return draw if strengths else None
+    return draw if strengths or track.variants else None
 
 
 def draw_conditions(
-    course: Course, vehicle: Vehicle, strengths: Strengths, key: Array, shape: Shape, offsets: Strengths | None = None
+    track: Track, vehicle: Vehicle, strengths: Strengths, key: Array, shape: Shape, offsets: Strengths | None = None
 ) -> Conditions:
     """Races of drones of `shape` (N, *B), as strongly random as `strengths` says.
 
@@ -79,7 +77,7 @@ def draw_conditions(
     """
     parts = jax.random.split(key, 4)
     surroundings = Surroundings(
-        gates=_gates(course, strengths, parts[1], shape[1:]),
+        gates=_gates(track, strengths, parts[1], shape[1:]),
         gusts=_gusts(strengths, parts[2], shape[1:]),
         errors=_errors(strengths, parts[3], shape),
     )
@@ -124,19 +122,30 @@ def _wind(strongest: Array | float, key: Array, shape: Shape) -> Array:
     return jnp.broadcast_to(wind[:, None], (3, *shape))
 
 
-def _gates(course: Course, strengths: Strengths, key: Array, races: Shape) -> MovedGates | None:
-    """Gates shifted and turned, none lower than it was or than its opening reaches down."""
-    if "gate_shift" not in strengths and "gate_turn" not in strengths:
+def _gates(track: Track, strengths: Strengths, key: Array, races: Shape) -> MovedGates | None:
+    """The track's gates, or those of one of its variants, shifted and turned, none lower than its opening reaches."""
+    moved = "gate_shift" in strengths or "gate_turn" in strengths
+    if not (moved or track.variants):
         return None
     shift_key, turn_key = jax.random.split(key)
-    gates, ones = course.num_gates, (1,) * len(races)
-    still = course.position_w.reshape(3, gates, *ones)
-    yaw = jnp.arctan2(course.normal_w[1], course.normal_w[0]).reshape(gates, *ones)
-    shift = strengths.get("gate_shift", 0.0) * jax.random.uniform(shift_key, (3, gates, *races), minval=-1.0)
-    turn = strengths.get("gate_turn", 0.0) * jax.random.uniform(turn_key, (gates, *races), minval=-1.0)
-    lowest = jnp.minimum(still[2], course.half_size[1].reshape(gates, *ones))
-    yaw = yaw + turn
-    return MovedGates((still + shift).at[2].max(lowest), jnp.stack([jnp.cos(yaw), jnp.sin(yaw)]))
+    position, yaw = _standing(track, jax.random.fold_in(key, 1), races)
+    if moved:
+        gates = len(track.gates)
+        shift = strengths.get("gate_shift", 0.0) * jax.random.uniform(shift_key, (3, gates, *races), minval=-1.0)
+        turn = strengths.get("gate_turn", 0.0) * jax.random.uniform(turn_key, (gates, *races), minval=-1.0)
+        half_height = jnp.array([gate.height / 2 for gate in track.gates]).reshape(gates, *(1,) * len(races))
+        lowest = jnp.minimum(position[2], half_height)
+        position, yaw = (position + shift).at[2].max(lowest), yaw + turn
+    return MovedGates(position, jnp.stack([jnp.cos(yaw), jnp.sin(yaw)]))
+
+
+def _standing(track: Track, key: Array, races: Shape) -> tuple[Array, Array]:
+    """Centres [3, G, *B] and yaws [G, *B] of the gates that the track says, for every race a variant by chance."""
+    variants = track.variants or (track.gates,)
+    position = jnp.array([[gate.position_w for gate in gates] for gates in variants], jnp.float32)
+    yaw = jnp.array([[gate.yaw for gate in gates] for gates in variants], jnp.float32)
+    chosen = jax.random.randint(key, races, 0, len(variants))
+    return position.T[:, :, chosen], yaw.T[:, chosen]
 
 
 def _gusts(strengths: Strengths, key: Array, races: Shape) -> Gusts | None:

@@ -20,7 +20,6 @@ from cruise.evaluation.metrics import RaceResult, race_result
 from cruise.evaluation.statistics import Estimate
 from cruise.evaluation.summary import summarise
 from cruise.presets import RANDOMISATION
-from cruise.racing.course import make_course
 
 STRENGTHS = (0.5, 1.0, 1.5, 2.0)  # of the full randomisation
 RACES_AT_ONCE = 512  # bounds memory
@@ -107,12 +106,11 @@ def measure_robustness(match: Match, episodes: int, seed: int) -> Iterator[Point
 def _env(match: Match, full: Randomisation, table: tuple[Cell, ...]) -> RaceEnv:
     """The environment in which race number i of a batch is flown under cell i modulo their number."""
     vehicle = made_for(match.vehicle, full.scaled(max(STRENGTHS)))
-    course = make_course(match.track)
     chance, offset = _by_cell(full, table)
 
     def draw(key: Array, shape: Shape) -> Conditions:
         strengths, offsets = (_over_races(one, shape[1]) for one in (chance, offset))
-        return draw_conditions(course, vehicle, strengths, key, shape, offsets)
+        return draw_conditions(match.track, vehicle, strengths, key, shape, offsets)
 
     return make_race_env(match.track, len(match.team), vehicle, perturb=draw)
 

@@ -5,9 +5,10 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 from jaxtyping import Array, Float
 
-from cruise.config import Vehicle
+from cruise.config import Track, Vehicle
 from cruise.env.race_env import RaceEnv
 from cruise.env.types import RaceState
+from cruise.errors import CruiseError
 
 Memory = Any  # a pytree of arrays that the pilot carries from step to step; () when it needs none
 
@@ -68,3 +69,9 @@ def crews(team: Sequence[Pilot]) -> tuple[Crew, ...]:
     for drone, pilot in enumerate(team):
         drones.setdefault(id(pilot), []).append(drone)
     return tuple(Crew(team[flown[0]], tuple(flown)) for flown in drones.values())
+
+
+def must_know(track: Track, pilot: str) -> None:
+    """Raises CruiseError where every race has gates of its own: this pilot is told where they are before the start."""
+    if track.variants:
+        raise CruiseError(f"pilot {pilot!r} must know the track, and {track.name!r} is another one in every race")

@@ -13,7 +13,7 @@ import numpy as np
 from cruise.env.race_env import RaceEnv
 from cruise.env.types import RaceState
 from cruise.errors import CruiseError
-from cruise.pilots.base import Crew
+from cruise.pilots.base import Crew, must_know
 from cruise.pilots.foreign import Commanded, ForeignPilot, explain
 from cruise.pilots.view import Lookout, Sight, View, gates_of, look
 
@@ -60,6 +60,7 @@ class Cockpit:
         assert isinstance(crew.pilot, ForeignPilot)
         self.pilot, self.drones = crew.pilot, crew.drones
         self.stand_in = Crew(Commanded(crew.pilot.observation), crew.drones)
+        must_know(env.track, self.pilot.name)
         self._size = env.dynamics.action_size
         self._lookout = Lookout(
             gates_of(env.course), env.dynamics.control_dt, crew.pilot.agility, crew.pilot.observation

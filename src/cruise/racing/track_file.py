@@ -29,6 +29,7 @@ LEAVE_DISTANCE = 10.0  # smallest default of `leave_distance` [m]
 FRAME_WIDTH = 0.3  # default [m]
 SIZE = 2.0  # default width and height of an opening [m]
 LAPS = 3  # default
+RANDOM = "random"  # the name that stands for tracks drawn at random
 SHOWN_FAULTS = 3  # how many faults an error names
 
 _POINT = re.compile(r"\[\n +(\S+),\n +(\S+),\n +(\S+),\n\]")  # as the writer spreads three numbers over lines
@@ -37,16 +38,32 @@ _POINT = re.compile(r"\[\n +(\S+),\n +(\S+),\n +(\S+),\n\]")  # as the writer sp
 def load_track(name_or_path: StrPath) -> Track:
     """Give a built-in track by name, or the track of a TOML file.
 
-    A built-in name wins over a file of that name; write `./ring` for the file.
+    A built-in name wins over a file of that name; write `./ring` for the file. `random` is one of many: every race gets
+    a track of its own.
 
     Raises:
         CruiseError: no such track, an unreadable file, or a faulty track; names the first faults.
     """
+    if name_or_path == RANDOM:
+        from cruise.racing.random_track import unseen_tracks  # noqa: PLC0415  (checks its tracks by this module)
+
+        return unseen_tracks()
     if isinstance(name_or_path, str) and name_or_path in TRACKS:
         return TRACKS[name_or_path]
     document = read_document(name_or_path)
     _refuse(document_faults(document), schema.shown(name_or_path))
     return from_document(document)
+
+
+def load_one_track(name_or_path: StrPath) -> Track:
+    """As `load_track`, for what needs to know where the gates are.
+
+    Raises:
+        CruiseError: also where `name_or_path` stands for many tracks.
+    """
+    if name_or_path == RANDOM:
+        raise CruiseError(f"{RANDOM} is a new track in every race: write one with `cruise tracks random --out FILE`")
+    return load_track(name_or_path)
 
 
 def save_track(track: Track, path: StrPath) -> None:
@@ -95,7 +112,7 @@ def _faults_among(document: schema.Table, gates: dict[int, Gate], bounded: bool)
     yield from geometry.facing_away(gates, count)
     frame_width = document.get("frame_width", FRAME_WIDTH)
     if not schema.not_negative(frame_width):
-        yield from geometry.overlaps(gates, frame_width)
+        yield from geometry.overlaps(gates, count, frame_width)
     if bounded and gates:
         yield from geometry.misplaced(gates, *_bounds(document, gates.values()))
     leave_distance = document.get("leave_distance")

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from cruise.errors import CruiseError
-from cruise.presets import TRACKS
+from cruise.presets import PAPER_TRACKS
 from cruise.racing.track_geometry import lap_length
 from cruise.reproduction.plan import KINDS, Job, Scale
 from cruise.reproduction.pooling import Summary, summarise, summarise_cells
@@ -60,7 +60,7 @@ class Evidence:
 @functools.cache
 def track_length(track: str) -> float:
     """Of the polygon through the gates [m]."""
-    return lap_length(TRACKS[track].gates)
+    return lap_length(PAPER_TRACKS[track].gates)
 
 
 def read_evidence(folder: ResultFolder, scale: Scale) -> Evidence:
@@ -94,7 +94,7 @@ def job_of(path: Path) -> Job:
     for kind in KINDS:
         place, found, seed = path.stem.rpartition(f"-{kind}-s")
         track, _, drones = place.rpartition("-")
-        if found and track in TRACKS and drones.isdecimal() and seed.isdecimal():
+        if found and track in PAPER_TRACKS and drones.isdecimal() and seed.isdecimal():
             return Job(kind, track, int(drones), int(seed))
     raise CruiseError(f"result {path}: its name is not TRACK-DRONES-KIND-sSEED.json")
 

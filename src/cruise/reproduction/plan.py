@@ -6,7 +6,7 @@ from typing import Literal
 
 from cruise.config import SelfPlayMode, TrainConfig
 from cruise.errors import CruiseError
-from cruise.presets import CURRICULUM, REWARDS, TRACKS, training_config
+from cruise.presets import CURRICULUM, PAPER_TRACKS, REWARDS, training_config
 
 Family = Literal["learned", "planner", "head-to-head"]
 
@@ -140,9 +140,9 @@ class Scale:
     change: Callable[[TrainConfig], TrainConfig] = _same  # what differs from usual training
     races: int = 100  # per evaluation and per head-to-head pairing
     seeds: tuple[int, ...] = (0, 1, 2)
-    tracks: tuple[str, ...] = tuple(TRACKS)
+    tracks: tuple[str, ...] = tuple(PAPER_TRACKS)
     kinds: tuple[str, ...] = tuple(KINDS)
-    ablation_tracks: tuple[str, ...] = tuple(TRACKS)
+    ablation_tracks: tuple[str, ...] = tuple(PAPER_TRACKS)
     drones: tuple[int, ...] = DRONES
 
     def base(self, drones: int) -> TrainConfig:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from matplotlib.figure import Figure
 
-from cruise.presets import CURRICULUM, TRACKS
+from cruise.presets import CURRICULUM, PAPER_TRACKS
 from cruise.report.comparison_figure import Dot, Panel, Series, draw_comparison
 from cruise.report.curve_figure import CurveLine, CurvePanel, draw_curves
 from cruise.report.figure_style import BLACK, BLUE, GREEN, ORANGE, PINK, SKY, VERMILION
@@ -97,7 +97,7 @@ def stages(evidence: Evidence) -> Drawing:
             found = evidence.stages("cruise", track, n)
             points = tuple((k, s.air_speed.mean, s.air_speed.low, s.air_speed.high) for k, s in found.items())
             lines.append(StageLine(f"{n} drones", DRONE_COLOURS.get(n, BLACK), points, STAGE_SPEEDS[track, n]))
-        panels.append(StagePanel(TRACKS[track], f"{track}: mean speed in the air", "m/s", tuple(lines), 5.0))
+        panels.append(StagePanel(PAPER_TRACKS[track], f"{track}: mean speed in the air", "m/s", tuple(lines), 5.0))
     caption = (
         "CRUISE's mean speed after every stage, with 95 % intervals; dashed with hollow marks: the result files of the "
         "paper's repository. The track is drawn in the corner."

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from cruise.presets import CURRICULUM, TRACKS
+from cruise.presets import CURRICULUM, PAPER_TRACKS
 from cruise.report.tables import Entry, Number, Table
 from cruise.reproduction.entries import INTERVALS, NOT_RUN, note, number, quantity, seeds
 from cruise.reproduction.evidence import Evidence
@@ -162,7 +162,7 @@ def _over(lap: Pooled | None, limit: float) -> Entry:
 
 def _in_order(cell: Cell) -> tuple[int, int, int, int]:
     """Kinds and tracks as they are planned."""
-    return list(KINDS).index(cell.kind), list(TRACKS).index(cell.track), cell.drones, cell.seed
+    return list(KINDS).index(cell.kind), list(PAPER_TRACKS).index(cell.track), cell.drones, cell.seed
 
 
 def runs_table(evidence: Evidence) -> Table:

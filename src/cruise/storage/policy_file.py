@@ -18,6 +18,7 @@ from cruise.errors import CruiseError
 from cruise.pilots.network import ActorCritic
 from cruise.pilots.neural import NeuralPilot
 from cruise.presets import VEHICLES
+from cruise.racing.track_file import RANDOM
 from cruise.storage import tensors
 from cruise.storage.atomic import read_bytes, write_atomically
 from cruise.storage.config_file import from_json, to_json
@@ -163,14 +164,17 @@ def list_policies() -> dict[str, PolicyMeta]:
 def shipped_name(track: str, drones: int, vehicle: str = "paper") -> str:
     """Name of the shipped policy of a track and a vehicle: `TRACK-DRONES` for the paper's, `VEHICLE-TRACK` for others.
 
+    Where these have none for the track it is the one trained on random tracks.
+
     Raises:
         CruiseError: there is none; it names those there are.
     """
-    name = f"{track}-{drones}" if vehicle == "paper" else f"{vehicle}-{track}"
-    if not _with(SHIPPED / name, ".json").is_file():
-        names = ", ".join(list_policies()) or "none"
+    names = [f"{track}-{drones}"] if vehicle == "paper" else [f"{vehicle}-{track}", f"{vehicle}-{RANDOM}"]
+    name = next((name for name in names if _with(SHIPPED / name, ".json").is_file()), None)
+    if name is None:
+        known = ", ".join(list_policies()) or "none"
         raise CruiseError(
-            f"no policy is shipped for {_asked(track, drones, vehicle)}; shipped: {names}; "
+            f"no policy is shipped for {_asked(track, drones, vehicle)}; shipped: {known}; "
             "give others with --policy or --pilot"
         )
     return name

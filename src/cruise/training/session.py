@@ -22,7 +22,7 @@ from cruise.errors import CruiseError
 from cruise.storage.atomic import write_atomically
 from cruise.storage.checkpoint import CURRENT, load_checkpoint, save_checkpoint
 from cruise.storage.config_file import load_config, save_config
-from cruise.storage.policy_file import PolicyMeta, save_policy
+from cruise.storage.policy_file import PolicyMeta, read_policy, save_policy
 from cruise.training import hosts
 from cruise.training.curriculum import Phase
 from cruise.training.trainer import Progress, Trainer, TrainingDiverged
@@ -163,11 +163,28 @@ class Session:
             raise CruiseError(
                 f"{self.folder} holds a run already: go on with {self.resume_command}, or choose another --out"
             )
-        state = self.trainer.initial_state()
+        state = self._first_state()
         self._write_checkpoint(state, 0.0, 0)
         if hosts.is_first():
             save_config(self.folder / CONFIG, self.config)
         return state
+
+    def _first_state(self) -> TrainState:
+        """That of the trainer, or one in which everybody flies the policy to start from."""
+        state, name = self.trainer.initial_state(), self.config.start_from
+        if not name:
+            return state
+        policy = read_policy(name)
+        model, meta = policy.params, policy.meta
+        if (meta.vehicle, meta.observation) != (self.config.vehicle, self.config.observation):
+            raise CruiseError(
+                f"policy {name!r} flies a {meta.vehicle} by the {meta.observation} observation, this run trains for a "
+                f"{self.config.vehicle} by the {self.config.observation} one"
+            )
+        if jax.tree.map(np.shape, model) != jax.tree.map(np.shape, state.model):
+            raise CruiseError(f"policy {name!r} has other layers than this run: give --hidden as it was trained with")
+        pool = state.opponents._replace(newest=model, previous=model)
+        return self.trainer.place(state._replace(model=model, opponents=pool))
 
     @property
     def resume_command(self) -> str:

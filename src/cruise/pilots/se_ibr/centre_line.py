@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from cruise.config import Track
-from cruise.pilots.se_ibr.curves import ways
+from cruise.racing.ways import ways
 from cruise.vector import dot
 
 SPACING = 0.03  # of the table's samples, about [m]

@@ -13,6 +13,7 @@ from cruise.dynamics import RigidBody
 from cruise.env.race_env import RaceEnv
 from cruise.env.types import RaceState
 from cruise.errors import CruiseError
+from cruise.pilots.base import must_know
 from cruise.pilots.se_ibr.centre_line import make_centre_line, start_progress
 from cruise.pilots.se_ibr.game import Plan, Traffic, best_responses, first_plan, shifted
 from cruise.pilots.se_ibr.options import Algorithm, Style
@@ -66,6 +67,7 @@ class SeIbrPilot(eqx.Module):
         vehicle = VEHICLES[self.vehicle]
         if (vehicle.airframe is None) != isinstance(state.drones.body, RigidBody):
             raise CruiseError(f"pilot {self.name!r} flies vehicle {self.vehicle!r}, which is not the one of this race")
+        must_know(env.track, self.name)
         line = make_centre_line(env.track)
         style = self.style if isinstance(self.style, Style) else style_of(self.style, env.track, vehicle)
         style = Style(*(_per_drone(value, state.next_gate.ndim) for value in style))

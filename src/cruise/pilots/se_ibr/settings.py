@@ -10,7 +10,7 @@ from cruise.config import Track, Vehicle
 from cruise.errors import CruiseError
 from cruise.pilots.se_ibr.centre_line import make_centre_line
 from cruise.pilots.se_ibr.options import Style
-from cruise.presets import TRACKS
+from cruise.presets import PAPER_TRACKS
 
 Setting = Literal["paper", "tuned"]
 
@@ -84,4 +84,4 @@ def read_tuned(path: Path) -> dict[str, Style]:
 
 def built_in(track: Track) -> str | None:
     """Name of the built-in track with the same gates, whatever this one is called."""
-    return next((name for name, known in TRACKS.items() if known.gates == track.gates), None)
+    return next((name for name, known in PAPER_TRACKS.items() if known.gates == track.gates), None)

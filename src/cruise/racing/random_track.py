@@ -1,0 +1,173 @@
+"""Tracks drawn at random, each with a line that proves that it can be flown. Plain NumPy: no JAX.
+
+Gates are put around a circle in an order that difficulty shuffles, at heights and headings that it spreads, some of
+them one above the other. Then the ways from gate to gate are computed, each tangent to both normals; a track whose ways
+strike a frame, come near the ground or bend too sharply is thrown away, and the next one drawn.
+"""
+
+import dataclasses
+import functools
+import math
+
+import numpy as np
+
+from cruise.config import Gate, Track, TrainConfig, Vec3
+from cruise.errors import CruiseError
+from cruise.racing.track_file import RANDOM, load_track, track_faults
+from cruise.racing.ways import Way, ways
+
+MIN_GATES, MAX_GATES = 3, 40
+SPACING = (11.0, 6.0)  # of neighbours around the circle, of the easiest and of the hardest tracks [m]
+OPENINGS = (2.0, 1.5, 2.2, 1.7)  # width and height of gates, in turn [m]
+LOWEST, HIGHEST = 1.0, 5.0  # of the centres of gates [m]
+GAP = 0.25  # between the frames of gates that stand one above the other [m]
+CLEARANCE = 0.4  # of the line from frames [m]
+NEAREST_GROUND = 0.5  # of the line [m]
+SHARPEST = 1.0  # bend of the line [1/m]
+MARGIN = 12.0  # of the bounds around the gates [m]
+CEILING = 15.0  # of the bounds [m]
+AWAY = 6.0  # farther from all gates than the way between two of them: has left the track [m]
+ATTEMPTS = 1000
+USUAL_GATES = 8
+UNSEEN, TRAINING = 100, 500
+SEEDS = 1000  # of the tracks of one seed of `random_tracks`
+FRAME_WIDTH = 0.3  # [m]
+
+
+def random_track(seed: int, gates: int = USUAL_GATES, difficulty: float = 0.5) -> Track:
+    """A track that can be flown; the same seed gives the same.
+
+    Args:
+        seed: 0 or more.
+        gates: how many, from 3 to 40.
+        difficulty: from 0, gates far apart around a circle and nearly level, to 1: close, shuffled, at any height up to
+            5 m, turned away from the shortest way, and half of them in pairs one above the other.
+
+    Raises:
+        CruiseError: a number out of range, or no such track was found.
+    """
+    if seed < 0:
+        raise CruiseError(f"seed must be 0 or more, not {seed}")
+    if not MIN_GATES <= gates <= MAX_GATES:
+        raise CruiseError(f"a random track has from {MIN_GATES} to {MAX_GATES} gates, not {gates}")
+    if not 0 <= difficulty <= 1:
+        raise CruiseError(f"difficulty must be from 0 to 1, not {difficulty}")
+    rng = np.random.default_rng([seed, gates, round(1e6 * difficulty)])
+    for _ in range(ATTEMPTS):
+        track = _track(f"random-{seed}", _gates(rng, gates, difficulty))
+        if not track_faults(track) and is_flyable(track):
+            return track
+    raise CruiseError(f"no track of {gates} gates and difficulty {difficulty} was found from seed {seed}: try another")
+
+
+def unseen_tracks() -> Track:
+    """The random tracks on which policies are measured: `UNSEEN` of them, that no training sees."""
+    return random_tracks(0, UNSEEN)
+
+
+def training_track(config: TrainConfig) -> Track:
+    """The track of a run, which of `random` are others for every seed.
+
+    Raises:
+        CruiseError: as `load_track` does.
+    """
+    return random_tracks(config.seed + 1, TRAINING) if config.track == RANDOM else load_track(config.track)
+
+
+@functools.lru_cache(maxsize=4)
+def random_tracks(seed: int, number: int, gates: int = USUAL_GATES) -> Track:
+    """One track of `number` variants, of evenly rising difficulty, of which every race gets one."""
+    tracks = [random_track(SEEDS * seed + k, gates, (k + 0.5) / number) for k in range(number)]
+    every = _track("random", tuple(gate for track in tracks for gate in track.gates))
+    widest = max(track.leave_distance for track in tracks)
+    return dataclasses.replace(
+        every, gates=tracks[0].gates, leave_distance=widest, variants=tuple(track.gates for track in tracks)
+    )
+
+
+def is_flyable(track: Track) -> bool:
+    """Whether the ways from gate to gate clear the ground and all frames, and bend gently."""
+    flown = ways(track)
+    return all(_clears_ground(way) and way.curvature.max() <= SHARPEST for way in flown) and not any(
+        _strikes(way, gate, track.frame_width) for way in flown for gate in track.gates
+    )
+
+
+def _clears_ground(way: Way) -> bool:
+    return bool(way.point_w[:, 2].min() >= NEAREST_GROUND)
+
+
+def _strikes(way: Way, gate: Gate, frame_width: float) -> bool:
+    """Whether a way crosses the plane of a gate on its frame or nearer to it than `CLEARANCE`."""
+    x, y, z = (way.point_w - np.array(gate.position_w)).T
+    cos, sin = math.cos(gate.yaw), math.sin(gate.yaw)
+    forward, left = cos * x + sin * y, cos * y - sin * x
+    offset = np.maximum(np.abs(left) - gate.width / 2, np.abs(z) - gate.height / 2)
+    near = (offset > -CLEARANCE) & (offset < frame_width + CLEARANCE)
+    crossed = (forward[:-1] < 0) != (forward[1:] < 0)
+    return bool((crossed & (near[:-1] | near[1:])).any())
+
+
+def _gates(rng: np.random.Generator, number: int, difficulty: float) -> tuple[Gate, ...]:
+    """Gates as they come, flyable or not."""
+    place, stacked = _places(rng, number, difficulty)
+    before, after = np.roll(place, 1, axis=0), np.roll(place, -1, axis=0)
+    heading = np.array([_bisector(*three) for three in zip(before, place, after, strict=True)])
+    heading += rng.uniform(-1.0, 1.0, number) * math.pi / 4 * difficulty
+    for upper in np.flatnonzero(stacked):
+        into = place[upper] - place[upper - 1]
+        back = math.pi if rng.random() < 0.75 else 0.0  # a half loop, or a whole one
+        heading[upper] = math.atan2(into[1], into[0]) + rng.uniform(-0.5, 0.5)
+        heading[(upper + 1) % number] = heading[upper] + back
+    if rng.random() < 0.5:  # flown the other way round
+        place, heading = place * (1.0, -1.0, 1.0), -heading
+    sizes = [OPENINGS[k % len(OPENINGS)] for k in range(number)]
+    return tuple(
+        Gate(
+            (round(float(x), 2), round(float(y), 2), round(float(z), 2)), round(math.remainder(yaw, math.tau), 3), s, s
+        )
+        for (x, y, z), yaw, s in zip(place, heading, sizes, strict=True)
+    )
+
+
+def _places(rng: np.random.Generator, number: int, difficulty: float) -> tuple[np.ndarray, np.ndarray]:
+    """Centres [G, 3] and, by gate, whether the next one stands in the same place, lower or higher [G]."""
+    order = np.arange(number)
+    for _ in range(rng.integers(0, round(4 * difficulty), endpoint=True)):
+        a, b = rng.choice(number, 2, replace=False)
+        order[[a, b]] = order[[b, a]]
+    spacing = (SPACING[0] + (SPACING[1] - SPACING[0]) * difficulty) * rng.uniform(0.8, 1.25)
+    angle = 2 * np.pi * (order + rng.uniform(-0.3, 0.3, number) * (0.3 + difficulty)) / number
+    out = spacing * number / (2 * np.pi) * rng.uniform(1 - 0.7 * difficulty, 1.0, number)
+    highest = LOWEST + (HIGHEST - LOWEST) * rng.uniform(0.1, 0.3 + 0.7 * difficulty)
+    place = np.column_stack([out * np.cos(angle), out * np.sin(angle), rng.uniform(LOWEST, highest, number)])
+    stacked = np.zeros(number, bool)
+    for k in range(0, number - 1, 2):
+        if rng.random() < 0.5 * difficulty**2:
+            stacked[k] = True
+            apart = (OPENINGS[k % len(OPENINGS)] + OPENINGS[(k + 1) % len(OPENINGS)]) / 2 + 2 * FRAME_WIDTH + GAP
+            low = rng.uniform(LOWEST, 1.5)
+            falls = rng.random() < 0.75
+            place[k + 1, :2] = place[k, :2]
+            place[k, 2], place[k + 1, 2] = (low + apart, low) if falls else (low, low + apart)
+    return place, stacked
+
+
+def _bisector(before: np.ndarray, here: np.ndarray, after: np.ndarray) -> float:
+    """Heading of the mean of the ways in and out."""
+    into, out = here - before, after - here
+    x, y, _ = into / max(np.linalg.norm(into), 1e-9) + out / max(np.linalg.norm(out), 1e-9)
+    return math.atan2(y, x)
+
+
+def _track(name: str, gates: tuple[Gate, ...]) -> Track:
+    """Bounds far enough around the gates for any way between them."""
+    places = np.array([gate.position_w for gate in gates])
+    low, high = places.min(axis=0) - MARGIN, places.max(axis=0) + MARGIN
+    legs = np.linalg.norm(places - np.roll(places, 1, axis=0), axis=1)
+    leave = round(float(legs.max()) / 2 + AWAY, 1)
+    return Track(name, gates, _corner(low, 0.0), _corner(high, CEILING), frame_width=FRAME_WIDTH, leave_distance=leave)
+
+
+def _corner(place: np.ndarray, height: float) -> Vec3:
+    return round(float(place[0]), 1), round(float(place[1]), 1), height

@@ -1,0 +1,104 @@
+"""The built-in tracks: the paper's two, and published ones that nobody here trains on."""
+
+import math
+
+from cruise.config import Gate, Track
+
+
+def _ring() -> Track:
+    """Five gates on a circle of 10 m, heights alternating, flown counter-clockwise."""
+    heights = (4.0, 3.0, 4.0, 3.0, 4.0)
+    angles = [2 * math.pi * k / 5 for k in range(5)]
+    gates = tuple(
+        Gate((10 * math.cos(a), 10 * math.sin(a), z), a + math.pi / 2) for a, z in zip(angles, heights, strict=True)
+    )
+    return Track("ring", gates, bounds_low=(-20.0, -20.0, 0.0), bounds_high=(20.0, 20.0, 14.0))
+
+
+def _figure_eight() -> Track:
+    """Six gates, two loops that cross at the origin.
+
+    Yaws are the bisectors of incoming and outgoing segment, not those of the paper's repository, which do not
+    face the direction of flight at every gate.
+    """
+    east, north, west = 0.0, math.pi / 2, math.pi
+    rows = [
+        ((5.0, -5.0, 1.0), east),
+        ((10.0, 0.0, 2.0), north),
+        ((5.0, 5.0, 2.0), west),
+        ((-5.0, -5.0, 0.5), west),
+        ((-10.0, 0.0, 0.5), north),
+        ((-5.0, 5.0, 1.5), east),
+    ]
+    gates = tuple(Gate(position, yaw) for position, yaw in rows)
+    return Track("figure-eight", gates, bounds_low=(-20.0, -15.0, 0.0), bounds_high=(20.0, 15.0, 12.0))
+
+
+PAPER_TRACKS: dict[str, Track] = {track.name: track for track in (_ring(), _figure_eight())}
+
+
+def _published(name: str, size: float, frame_width: float, rows: list[tuple[float, float, float, float]]) -> Track:
+    """Square gates at x, y, z [m] with headings [deg], and room to fly around them."""
+    gates = tuple(Gate((x, y, z), math.radians(yaw), size, size) for x, y, z, yaw in rows)
+    (x0, x1), (y0, y1) = ((min(axis), max(axis)) for axis in list(zip(*rows, strict=True))[:2])
+    low, high = (x0 - 8.0, y0 - 8.0, 0.0), (x1 + 8.0, y1 + 8.0, 10.0)
+    return Track(name, gates, low, high, frame_width=frame_width, leave_distance=12.0)
+
+
+# Foehn, Romero and Scaramuzza, "Time-optimal planning for quadrotor waypoint flight", Science Robotics 2021; places as
+# in tracks/track.yaml of uzh-rpg/rpg_time_optimal. It gives no headings: these are the bisectors, to 5 degrees, and
+# along x at the gates of the half loop. Openings are those of Kaufmann et al., Nature 2023, who raced there.
+_SPLIT_S = _published(
+    "split-s",
+    1.5,
+    0.3,
+    [
+        (-1.1, -1.6, 3.6, -20),
+        (9.2, 6.6, 1.0, -25),
+        (9.2, -4.0, 1.2, -130),
+        (-4.5, -6.0, 3.5, 180),
+        (-4.5, -6.0, 0.8, 0),
+        (4.75, -0.9, 1.2, 80),
+        (-2.8, 6.8, 1.2, -150),
+    ],
+)
+# The track of the A2RL Drone Championship, Abu Dhabi 2025: Bahnam et al., "MonoRace", 2026, and the same group's
+# SkyDreamer code. Openings of 1.5 m in frames of 2.7 m; two pairs of gates stand one on the other.
+_A2RL = _published(
+    "a2rl-2025",
+    1.5,
+    0.6,
+    [
+        (12.5, 2.0, 1.25, 180),
+        (6.5, 6.0, 1.25, 135),
+        (5.5, 14.0, 1.25, 120),
+        (2.5, 24.0, 1.25, 90),
+        (7.5, 30.0, 1.25, -10),
+        (12.2, 22.0, 1.25, 0),
+        (17.5, 30.0, 3.95, 80),
+        (17.5, 30.0, 1.25, -100),
+        (18.5, 22.0, 1.25, -80),
+        (20.5, 14.0, 1.25, -100),
+        (18.5, 6.0, 3.95, -135),
+        (18.5, 6.0, 1.25, -135),
+    ],
+)
+# Ferede et al., "End-to-end reinforcement learning for time-optimal quadcopter flight", ICRA 2024; places and headings
+# as in tudelft/optimal_quad_control_RL, whose axes point north, east and down. The gate in the middle is flown twice.
+_DELFT = _published(
+    "delft-eight",
+    1.0,
+    0.2,
+    [
+        (1.5, 1.5, 1.5, -90),
+        (0.0, 0.0, 1.5, 180),
+        (-1.5, -1.5, 1.5, -90),
+        (0.0, -3.0, 1.5, 0),
+        (1.5, -1.5, 1.5, 90),
+        (0.0, 0.0, 1.5, 180),
+        (-1.5, 1.5, 1.5, 90),
+        (0.0, 3.0, 1.5, 0),
+    ],
+)
+PUBLISHED_TRACKS: dict[str, Track] = {track.name: track for track in (_SPLIT_S, _A2RL, _DELFT)}
+TRACKS: dict[str, Track] = PAPER_TRACKS | PUBLISHED_TRACKS
