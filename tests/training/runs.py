@@ -56,7 +56,7 @@ def shared_trainer(
     vehicle: Vehicle = VEHICLES["paper"],
     devices: Sequence[jax.Device] | None = None,
 ) -> Trainer:
-    """A trainer for another seed, checkpoint interval or beginning, which asks for no other program than the tiny run's."""
+    """A trainer for another seed, checkpoint interval or beginning, which runs the programs of the tiny run."""
     same = {name: getattr(TINY, name) for name in ("seed", "checkpoint_seconds", "start_from")}
     assert replace(config, **same) == TINY
     assert (track, vehicle) == (TRACKS["ring"], VEHICLES["paper"])
