@@ -60,7 +60,7 @@ def test_unreadable_content_is_refused(case, tmp_path):
         ("Figure_Eight", "unknown track 'Figure_Eight': did you mean 'figure-eight'? built-in tracks"),
         (
             "monza",
-            "unknown track 'monza': built-in tracks: ring, figure-eight, split-s, a2rl-2025, delft-eight; or give a TOML ",
+            "unknown track 'monza': built-in tracks: ring, figure-eight, split-s, a2rl-2025, delft-eight; or ",
         ),
         ("", "unknown track ''"),
         ("a\nb", "unknown track 'a\\nb'"),
