@@ -4,6 +4,7 @@
 # make policies trains the shipped policies anew, three quarters of an hour on 2 cores
 # make check    formatting, lint, types, import layers
 # make pictures draws the pictures of the README and of the replay page anew; needs Chromium
+# make peers    installs other libraries, in environments of their own, and times CRUISE beside them
 # make speed    compares how fast this state and the commit before are, in turn
 # make docs     builds the documentation into build/site
 # make viewer   builds the replay page anew from viewer/; needs npm
@@ -18,7 +19,7 @@ INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --co
 WORKERS ?= 2
 
 .DEFAULT_GOAL := help
-.PHONY: help race test check sb3 viewer check-viewer speed policies pictures docs clean
+.PHONY: help race test check sb3 viewer check-viewer peers speed policies pictures docs clean
 
 help:
 	@sed -n 's/^# \(make .*\)/\1/p' Makefile
@@ -56,6 +57,21 @@ check-viewer:
 
 sb3: $(VENV)/.installed-sb3
 	@$(BIN)/python examples/train_sb3.py
+
+# Brax and the others pull in much that CRUISE's own environment need not hold; Crazyflow excludes its version of JAX.
+peers: .venv-peers/.installed .venv-crazyflow/.installed
+	@.venv-peers/bin/python -m benchmarks.peers --rounds $(or $(ROUNDS),5)
+
+.venv-peers/.installed: pyproject.toml constraints.txt
+	$(PYTHON) -m venv .venv-peers
+	.venv-peers/bin/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable \
+	    '.[gym,rotorpy]' stable-baselines3==2.9.2 torch==2.13.0 sbx-rl==0.28.0 brax==0.14.2
+	@touch $@
+
+.venv-crazyflow/.installed:
+	$(PYTHON) -m venv .venv-crazyflow
+	.venv-crazyflow/bin/python -m pip install --quiet --disable-pip-version-check crazyflow==0.4.0 jax==0.10.1
+	@touch $@
 
 CELLS := ring-2 ring-3 ring-4 figure-eight-2 figure-eight-3 figure-eight-4 racer-ring crazyflie-ring
 

@@ -1,10 +1,14 @@
 """What CRUISE is compared with does the work that it is said to do."""
 
+import sys
+
 import gymnasium.utils.env_checker
 import numpy as np
 import pytest
 
 from benchmarks.peers.__main__ import OURS, compare
+from benchmarks.peers.apart import Apart
+from benchmarks.peers.cases import PlainEnvironment
 from benchmarks.peers.plain_race import PlainRace
 
 
@@ -53,3 +57,22 @@ def test_what_is_not_installed_is_named_and_left_out(capsys):
     assert capsys.readouterr().out == "left out: absent (some_library is not installed)\n"
     assert [row["who"] for row in rows] == [OURS, "theirs"]
     assert rows[0]["ours_is_faster"] == pytest.approx(1.0)
+
+
+def test_a_case_in_another_process_is_built_and_called():
+    case = Apart(sys.executable, "benchmarks.peers.cases:PlainEnvironment")
+    assert case.work == PlainEnvironment().work
+    for _ in range(2):
+        case()
+
+
+@pytest.mark.parametrize(("python", "missing"), [(sys.executable, "nowhere"), ("/no/such/python", "/no/such/python")])
+def test_what_is_missing_in_another_process_is_named(python, missing):
+    with pytest.raises(ModuleNotFoundError) as raised:
+        Apart(python, "nowhere.at_all:case")
+    assert raised.value.name == missing
+
+
+def test_a_case_that_breaks_in_another_process_is_no_endless_wait():
+    with pytest.raises(RuntimeError, match="ended with exit code 1"):
+        Apart(sys.executable, "benchmarks.peers.cases:no_such_case")

@@ -12,17 +12,23 @@ from rich.table import Table
 from benchmarks.environment import EnvironmentCase
 from benchmarks.headline import DRONES, RACES
 from benchmarks.machine import Case, describe_machine, interleave, rates, versions
+from benchmarks.peers.apart import Apart
 from benchmarks.peers.cases import (
     PlainEnvironment,
+    brax_on_ours,
     sbx_on_ours,
     stable_baselines_as_the_paper,
     stable_baselines_on_ours,
 )
+from benchmarks.peers.simulators import Rotorpy
 from benchmarks.training import TrainingCase
+from benchmarks.vehicles import PhysicsCase
 from cruise.cli.compilation import prepare_training
 from cruise.config import TrainConfig
+from cruise.presets import VEHICLES
 
 OURS = "CRUISE"
+CRAZYFLOW_PYTHON = ".venv-crazyflow/bin/python"  # `make peers` makes it: Crazyflow excludes our version of JAX
 ENVIRONMENT: Mapping[str, Callable[[], Case]] = {
     OURS: lambda: EnvironmentCase(RACES, DRONES),
     "plain NumPy, one race": PlainEnvironment,
@@ -32,6 +38,19 @@ TRAINING: Mapping[str, Callable[[], Case]] = {
     "Stable-Baselines3, as the paper trained": stable_baselines_as_the_paper,
     "Stable-Baselines3 on CRUISE's races": stable_baselines_on_ours,
     "SBX on CRUISE's races": sbx_on_ours,
+    "Brax's PPO on CRUISE's races": brax_on_ours,
+}
+SIMULATORS: Mapping[str, Callable[[], Case]] = {
+    OURS: lambda: EnvironmentCase(RACES, DRONES, "body", "racer"),
+    "CRUISE, physics alone": lambda: PhysicsCase(VEHICLES["racer"]),
+    "Crazyflow, 50 Hz over 500 Hz": lambda: Apart(CRAZYFLOW_PYTHON, "benchmarks.peers.simulators:crazyflow"),
+    "Crazyflow, its own 500 Hz": lambda: Apart(CRAZYFLOW_PYTHON, "benchmarks.peers.simulators:crazyflow_own"),
+    "RotorPy, batched, 50 Hz": Rotorpy,
+}
+GROUPS: Mapping[str, Mapping[str, Callable[[], Case]]] = {
+    "environment_drone_steps_per_s": ENVIRONMENT,
+    "training_steps_per_s": TRAINING,
+    "thrust_and_rates_drone_steps_per_s": SIMULATORS,
 }
 
 
@@ -47,10 +66,7 @@ class Peers:
     def run(self) -> None:
         """Time whatever is installed; name what is not."""
         prepare_training()
-        found = {
-            "environment_drone_steps_per_s": compare(ENVIRONMENT, self.rounds),
-            "training_steps_per_s": compare(TRAINING, self.rounds),
-        }
+        found = {name: compare(kinds, self.rounds) for name, kinds in GROUPS.items()}
         if self.json:
             told = {"machine": describe_machine(), "versions": versions(), **found}
             print(json.dumps(told, indent=2))

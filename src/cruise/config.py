@@ -234,6 +234,7 @@ class Randomisation:
     thrust_spread: float = 0.0  # of what the rotors give
     drag_spread: float = 0.0
     lag_spread: float = 0.0  # of the time constants of rotors and of the rate loop
+    clip_share: float = 0.0  # most of a demand's cut to the rotors' limits that is made rotor by rotor, not by priority
     extra_delay: float = 0.0  # longest, beyond the vehicle's own, from an action to its effect [s]
     wind_speed: float = 0.0  # strongest, steady and level, from anywhere [m/s]
     gust_speed: float = 0.0  # root mean square along every axis [m/s]

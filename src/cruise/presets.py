@@ -128,6 +128,7 @@ _REAL = replace(
     thrust_spread=0.1,
     drag_spread=0.4,
     lag_spread=0.3,
+    clip_share=1.0,
     extra_delay=0.02,
     wind_speed=3.0,
     gust_speed=1.0,
@@ -174,5 +175,6 @@ def training_config(vehicle: str = "paper", drones: int = TrainConfig.drones) ->
             caution_distance=1.5,
         ),
         opponents=SelfPlayConfig(vary_field=True, evaluation_steps=1000),  # 20 s
-        randomisation=RANDOMISATION[vehicle].scaled(0.5),
+        # Half as strong as it is measured with; but how a demand is cut is either way, and both must be known.
+        randomisation=replace(RANDOMISATION[vehicle].scaled(0.5), clip_share=1.0),
     )

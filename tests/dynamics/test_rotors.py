@@ -10,7 +10,7 @@ import pytest
 
 from cruise.config import Rotors
 from cruise.dynamics.rigid_body import Wrench
-from cruise.dynamics.rotors import Demand, follow, lag_over, rotor_thrusts, saturate, wrench_of
+from cruise.dynamics.rotors import Demand, clipped, follow, lag_over, rotor_thrusts, saturate, wrench_of
 
 ROTORS = Rotors(offset=(0.075, 0.1), torque_ratio=0.022, max_thrust=6.0, min_thrust=0.2, time_constant=0.033)
 PLACES = np.array([[0.075, 0.1], [0.075, -0.1], [-0.075, -0.1], [-0.075, 0.1]])  # front left, then clockwise
@@ -70,6 +70,29 @@ def test_no_rotor_ever_leaves_its_limits() -> None:
     assert thrusts.min() >= ROTORS.min_thrust - 1e-12
     assert thrusts.max() <= ROTORS.max_thrust + 1e-12
     assert (np.abs(thrusts - ROTORS.max_thrust) < 1e-9).any()
+
+
+def test_a_cut_rotor_by_rotor_is_that_of_every_thrust_alone() -> None:
+    wild = random_thrusts(-30, 40)
+    found = thrusts_of(clipped(ROTORS, demand_of(mixer() @ wild)))
+    np.testing.assert_allclose(found, wild.clip(ROTORS.min_thrust, ROTORS.max_thrust), atol=1e-12)
+
+
+def test_a_share_of_it_lies_between_the_two_cuts_and_within_the_limits() -> None:
+    demand = demand_of(mixer() @ random_thrusts(-30, 40))
+    by_priority, by_rotor = (saturate(ROTORS, demand, share) for share in (None, 1.0))
+    np.testing.assert_allclose(wrench_from(by_rotor), wrench_from(clipped(ROTORS, demand)), atol=1e-12)
+    assert np.abs(wrench_from(by_priority) - wrench_from(by_rotor)).max() > 0.1
+    quarter = wrench_from(saturate(ROTORS, demand, 0.25))
+    np.testing.assert_allclose(quarter, 0.75 * wrench_from(by_priority) + 0.25 * wrench_from(by_rotor), atol=1e-12)
+    thrusts = thrusts_of(demand_of(quarter))
+    assert thrusts.min() >= ROTORS.min_thrust - 1e-12
+    assert thrusts.max() <= ROTORS.max_thrust + 1e-12
+
+
+def test_what_the_rotors_can_do_is_not_cut_in_either_way() -> None:
+    wrench = mixer() @ random_thrusts(ROTORS.min_thrust, ROTORS.max_thrust)
+    np.testing.assert_allclose(wrench_from(saturate(ROTORS, demand_of(wrench), 0.5)), wrench, atol=1e-12)
 
 
 def yaw_room(trial: np.ndarray) -> tuple[float, float]:

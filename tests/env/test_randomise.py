@@ -56,6 +56,11 @@ def test_physical_parameters_spread_evenly_drone_by_drone() -> None:
     delay = np.asarray(parameters.delay)
     assert 0 <= delay.min() < 0.001
     assert FULL.extra_delay - 0.001 < delay.max() <= FULL.extra_delay
+    cut = np.asarray(parameters.clip_share)
+    assert (FULL.clip_share, cut.shape) == (1.0, (2, RACES))
+    assert 0 <= cut.min() < 0.01
+    assert 0.99 < cut.max() <= 1.0
+    np.testing.assert_allclose(np.asarray(drawn(FULL.scaled(2.0)).drones.parameters.clip_share).mean(), 0.75, atol=0.05)
     wind = np.asarray(parameters.wind_w)
     np.testing.assert_array_equal(wind[:, 0], wind[:, 1])
     assert 0.9 * FULL.wind_speed < np.linalg.norm(wind, axis=0).max() <= FULL.wind_speed * 1.0001

@@ -24,6 +24,7 @@ class Parameters(NamedTuple):
     quadratic_drag: Scalar | None = None  # [kg/m]
     rotor_lag: Scalar | None = None  # time constant of the thrust [s]
     rate_lag: Scalar | None = None  # time constant of the body-rate loop [s]
+    clip_share: Scalar | None = None  # of a demand's cut to the rotors' limits that is made rotor by rotor
     delay: Scalar | None = None  # from an action to its effect [s]
     wind_w: Triple | None = None  # velocity of the air [m/s]
 
@@ -42,6 +43,7 @@ class Physics(NamedTuple):
     quadratic_drag: Scalar
     rotor_lag: Scalar
     rate_lag: Scalar
+    clip_share: Scalar | None  # None: by priority alone
     delay: Scalar
     wind_w: Triple | None  # None: the air stands still
 
@@ -59,6 +61,7 @@ def physics_of(vehicle: Vehicle, parameters: Parameters = AS_BUILT) -> Physics:
         quadratic_drag=airframe.drag.quadratic,
         rotor_lag=airframe.rotors.time_constant,
         rate_lag=airframe.rates.time_constant,
+        clip_share=None,
         delay=airframe.delay,
         wind_w=None,
     )

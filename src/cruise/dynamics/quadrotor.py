@@ -129,7 +129,7 @@ class Flight(NamedTuple):
     def advance(self, body: FreeBody, wrench: Demand, asked: Setpoint, lag: Lag, dt: float) -> tuple[FreeBody, Demand]:
         """Body and wrench of the rotors after one sub-step of `dt` [s]."""
         demand = rate_loop(self.vehicle, self.physics.rate_lag, asked, body.angular_velocity_b)
-        demand = jax.tree.map(stored, saturate(_airframe(self.vehicle).rotors, demand))
+        demand = jax.tree.map(stored, saturate(_airframe(self.vehicle).rotors, demand, self.physics.clip_share))
         mean, wrench = follow(lag, wrench, demand)
         derivative = make_free_derivative(self.physics, self.vehicle.gravity, self.air_w)
         integrate = make_integrator(self.vehicle.integrator, derivative, dt, substeps=1)

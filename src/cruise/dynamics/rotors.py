@@ -3,6 +3,7 @@
 import math
 from typing import Any, NamedTuple
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -65,17 +66,36 @@ def scaled(demand: Demand, gain: Scalar) -> Wrench:
     return Wrench(gain * demand.thrust, (gain * roll, gain * pitch, gain * yaw))
 
 
-def saturate(rotors: Rotors, demand: Demand) -> Demand:
+def saturate(rotors: Rotors, demand: Demand, clip_share: Scalar | None = None) -> Demand:
     """The wrench that the rotors make of a demand: itself where every rotor stays within its limits.
 
-    Otherwise roll and pitch come first, because they point the thrust; then the collective thrust, which gives way as
+    `clip_share` of the way from the cut by priority it is that of `clipped`: what lies between two wrenches that the
+    rotors can make, they can make.
+    """
+    if not rotors.saturate:
+        return demand
+    cut = by_priority(rotors, demand)
+    if clip_share is None:
+        return cut
+    return jax.tree.map(lambda a, b: a + clip_share * (b - a), cut, clipped(rotors, demand))
+
+
+def clipped(rotors: Rotors, demand: Demand) -> Demand:
+    """The wrench of a demand whose thrusts are cut rotor by rotor."""
+    thrusts = [jnp.clip(one, rotors.min_thrust, rotors.max_thrust) for one in each_thrust(rotors, demand)]
+    wrench = wrench_of(rotors, jnp.stack(thrusts))
+    return Demand(wrench.collective_thrust, tuple(wrench.body_torque_b))
+
+
+def by_priority(rotors: Rotors, demand: Demand) -> Demand:
+    """The wrench of a demand that gives way where it points the thrust least.
+
+    Roll and pitch come first, because they point the thrust; then the collective thrust, which gives way as
     far as they need; then yaw, which takes what is left. So do Faessler, Falanga and Scaramuzza (Thrust Mixing,
     Saturation, and Body-Rate Control for Accurate Aggressive Quadrotor Flight, RA-L 2017), whose iterations are closed
     form here: with a the amplitude of roll and pitch on rotors 1 and 3, b that on 2 and 4, c the collective thrust per
     rotor and y the share of yaw, the thrusts are c +- a + y and c +- b - y.
     """
-    if not rotors.saturate:
-        return demand
     low, high = rotors.min_thrust, rotors.max_thrust
     roll, pitch, yaw = (torque / (4 * lever) for torque, lever in zip(demand.torque, levers(rotors), strict=True))
     a, b = jnp.abs(roll - pitch), jnp.abs(roll + pitch)

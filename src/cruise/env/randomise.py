@@ -22,6 +22,7 @@ OF_THE_AIRFRAME = (
     "thrust_spread",
     "drag_spread",
     "lag_spread",
+    "clip_share",
     "extra_delay",
     "wind_speed",
     "gust_speed",
@@ -99,7 +100,7 @@ def _parameters(vehicle: Vehicle, strengths: Strengths, offsets: Strengths, key:
         return value * (1 + offsets.get(name, 0.0) + strengths.get(name, 0.0) * chance)
 
     inertia = spread(jnp.asarray(built.inertia).reshape(3, *(1,) * len(shape)), "inertia_spread")
-    delay, wind = strengths.get("extra_delay"), strengths.get("wind_speed")
+    delay, wind, clip = (strengths.get(name) for name in ("extra_delay", "wind_speed", "clip_share"))
     return Parameters(
         mass=spread(built.mass, "mass_spread"),
         inertia=inertia,
@@ -110,6 +111,7 @@ def _parameters(vehicle: Vehicle, strengths: Strengths, offsets: Strengths, key:
         rate_lag=spread(built.rate_lag, "lag_spread"),
         delay=None if delay is None else built.delay + delay * jax.random.uniform(next(keys), shape),
         wind_w=None if wind is None else _wind(wind, next(keys), shape),
+        clip_share=None if clip is None else jnp.minimum(1.0, clip * jax.random.uniform(next(keys), shape)),
     )
 
 

@@ -43,6 +43,7 @@ KINDS = (
     Kind("thrust", "%", ("thrust_spread",), 100, signed=True),
     Kind("drag", "%", ("drag_spread",), 100, signed=True),
     Kind("lag of rotors and rates", "%", ("lag_spread",), 100, signed=True),
+    Kind("demands cut rotor by rotor, up to", "%", ("clip_share",), 100),
     Kind("delay, up to", "ms", ("extra_delay",), 1000),
     Kind("steady wind, up to", "m/s", ("wind_speed",)),
     Kind("gusts, root mean square", "m/s", ("gust_speed",)),

@@ -14,7 +14,7 @@ import numpy as np
 from cruise.config import Gate, Track, TrainConfig, Vec3
 from cruise.errors import CruiseError
 from cruise.racing.track_file import RANDOM, load_track, track_faults
-from cruise.racing.ways import Way, ways
+from cruise.racing.ways import Way, way_between
 
 MIN_GATES, MAX_GATES = 3, 40
 SPACING = (11.0, 6.0)  # of neighbours around the circle, of the easiest and of the hardest tracks [m]
@@ -27,6 +27,7 @@ SHARPEST = 1.0  # bend of the line [1/m]
 MARGIN = 12.0  # of the bounds around the gates [m]
 CEILING = 15.0  # of the bounds [m]
 AWAY = 6.0  # farther from all gates than the way between two of them: has left the track [m]
+SAMPLES = 160  # of every way that is looked at, some 5 cm apart
 ATTEMPTS = 1000
 USUAL_GATES = 8
 UNSEEN, TRAINING = 100, 500
@@ -87,14 +88,14 @@ def random_tracks(seed: int, number: int, gates: int = USUAL_GATES) -> Track:
 
 def is_flyable(track: Track) -> bool:
     """Whether the ways from gate to gate clear the ground and all frames, and bend gently."""
-    flown = ways(track)
-    return all(_clears_ground(way) and way.curvature.max() <= SHARPEST for way in flown) and not any(
-        _strikes(way, gate, track.frame_width) for way in flown for gate in track.gates
-    )
+    gates = track.gates
+    ways = (way_between(a, b, track.frame_width, SAMPLES) for a, b in zip(gates, gates[1:] + gates[:1], strict=True))
+    return all(_is_clear(way, track) for way in ways)
 
 
-def _clears_ground(way: Way) -> bool:
-    return bool(way.point_w[:, 2].min() >= NEAREST_GROUND)
+def _is_clear(way: Way, track: Track) -> bool:
+    high, gentle = way.point_w[:, 2].min() >= NEAREST_GROUND, way.curvature.max() <= SHARPEST
+    return bool(high and gentle) and not any(_strikes(way, gate, track.frame_width) for gate in track.gates)
 
 
 def _strikes(way: Way, gate: Gate, frame_width: float) -> bool:
@@ -114,11 +115,9 @@ def _gates(rng: np.random.Generator, number: int, difficulty: float) -> tuple[Ga
     before, after = np.roll(place, 1, axis=0), np.roll(place, -1, axis=0)
     heading = np.array([_bisector(*three) for three in zip(before, place, after, strict=True)])
     heading += rng.uniform(-1.0, 1.0, number) * math.pi / 4 * difficulty
-    for upper in np.flatnonzero(stacked):
-        into = place[upper] - place[upper - 1]
-        back = math.pi if rng.random() < 0.75 else 0.0  # a half loop, or a whole one
-        heading[upper] = math.atan2(into[1], into[0]) + rng.uniform(-0.5, 0.5)
-        heading[(upper + 1) % number] = heading[upper] + back
+    for first in np.flatnonzero(stacked):
+        into, out = place[first] - place[first - 1], place[(first + 2) % number] - place[first]
+        heading[first], heading[first + 1] = (math.atan2(y, x) + rng.uniform(-0.5, 0.5) for x, y, _ in (into, out))
     if rng.random() < 0.5:  # flown the other way round
         place, heading = place * (1.0, -1.0, 1.0), -heading
     sizes = [OPENINGS[k % len(OPENINGS)] for k in range(number)]
@@ -136,7 +135,7 @@ def _places(rng: np.random.Generator, number: int, difficulty: float) -> tuple[n
     for _ in range(rng.integers(0, round(4 * difficulty), endpoint=True)):
         a, b = rng.choice(number, 2, replace=False)
         order[[a, b]] = order[[b, a]]
-    spacing = (SPACING[0] + (SPACING[1] - SPACING[0]) * difficulty) * rng.uniform(0.8, 1.25)
+    spacing = (SPACING[0] + (SPACING[1] - SPACING[0]) * difficulty) * rng.uniform(0.5, 1.25)
     angle = 2 * np.pi * (order + rng.uniform(-0.3, 0.3, number) * (0.3 + difficulty)) / number
     out = spacing * number / (2 * np.pi) * rng.uniform(1 - 0.7 * difficulty, 1.0, number)
     highest = LOWEST + (HIGHEST - LOWEST) * rng.uniform(0.1, 0.3 + 0.7 * difficulty)

@@ -8,7 +8,7 @@ import numpy as np
 
 from cruise.config import Gate, Track
 
-SAMPLES = 800  # of every way
+SAMPLES = 800  # of every way, where nobody asks for fewer
 STRETCH = np.linspace(0.9, 1.5, 13)  # lengths of a spline's end tangents that are tried, over the straight distance
 SHARPEST = 1.0  # a spline that bends more than this is a hairpin, flown as arcs and a straight [1/m]
 STEEPEST = 1.0  # a way climbs or sinks at most this much per metre flown horizontally
@@ -18,18 +18,22 @@ ROOM = 2.0  # between the frame of a gate and a drone that returns beside it [m]
 
 
 class Way(NamedTuple):
-    """A curve sampled from one gate to the next, both included."""
+    """A curve sampled from one gate to the next, both included; or several at once, along leading axes."""
 
-    point_w: np.ndarray  # [P, 3] m
-    tangent_w: np.ndarray  # [P, 3] unit vectors
+    point_w: np.ndarray  # [... P, 3] m
+    tangent_w: np.ndarray  # [... P, 3] unit vectors
+
+    @property
+    def steps(self) -> np.ndarray:
+        """[... P - 1] lengths between samples [m]."""
+        return np.linalg.norm(np.diff(self.point_w, axis=-2), axis=-1)
 
     @property
     def curvature(self) -> np.ndarray:
-        """[P] by differences of the tangent, so that a reversal on the spot is as sharp as it is [1/m]."""
-        turned = np.linalg.norm(np.diff(self.tangent_w, axis=0), axis=1)
-        flown = np.linalg.norm(np.diff(self.point_w, axis=0), axis=1)
-        bend = turned / np.maximum(flown, 1e-9)
-        return np.append(bend, bend[-1])
+        """[... P] by differences of the tangent, so that a reversal on the spot is as sharp as it is [1/m]."""
+        turned = np.linalg.norm(np.diff(self.tangent_w, axis=-2), axis=-1)
+        bend = turned / np.maximum(self.steps, 1e-9)
+        return np.concatenate([bend, bend[..., -1:]], axis=-1)
 
 
 def ways(track: Track) -> list[Way]:
@@ -38,35 +42,41 @@ def ways(track: Track) -> list[Way]:
     return [way_between(a, b, track.frame_width) for a, b in zip(gates, gates[1:] + gates[:1], strict=True)]
 
 
-def way_between(a: Gate, b: Gate, frame_width: float) -> Way:
+def way_between(a: Gate, b: Gate, frame_width: float, samples: int = SAMPLES) -> Way:
     """A cubic spline where it bends little enough, else arcs and a straight."""
-    spline = bent_least(a, b)
+    spline = bent_least(a, b, samples)
     if spline is not None:
         return spline
     width = max(a.width, b.width) / 2 + frame_width
-    return turning_way(a, b, max(TURN_RADIUS, (width + ROOM) / 2))
+    return turning_way(a, b, max(TURN_RADIUS, (width + ROOM) / 2), samples)
 
 
-def bent_least(a: Gate, b: Gate) -> Way | None:
+def bent_least(a: Gate, b: Gate, samples: int = SAMPLES) -> Way | None:
     """The cubic Hermite spline of least bending energy; None where every one of them is sharp or steep."""
-    splines = [hermite(a, b, stretch) for stretch in STRETCH if math.dist(a.position_w, b.position_w) > 0]
-    flyable = [way for way in splines if way.curvature.max() <= SHARPEST and _slope(way) <= STEEPEST]
-    return min(flyable, key=_bending_energy, default=None)
+    if a.position_w == b.position_w:
+        return None
+    splines = hermite(a, b, STRETCH, samples)
+    bent = splines.curvature.max(axis=-1) <= SHARPEST
+    flyable = bent & (_slope(splines) <= STEEPEST)
+    if not flyable.any():
+        return None
+    least = int(np.where(flyable, _bending_energy(splines), np.inf).argmin())
+    return Way(splines.point_w[least], splines.tangent_w[least])
 
 
-def hermite(a: Gate, b: Gate, stretch: float) -> Way:
-    """The cubic Hermite spline whose end tangents are the normals times `stretch` times the straight distance."""
+def hermite(a: Gate, b: Gate, stretch: np.ndarray, samples: int = SAMPLES) -> Way:
+    """Cubic Hermite splines whose end tangents are the normals times each `stretch` times the straight distance."""
     p0, p1 = np.array(a.position_w), np.array(b.position_w)
-    pull = stretch * math.dist(a.position_w, b.position_w)
+    pull = stretch[:, None, None] * math.dist(a.position_w, b.position_w)
     m0, m1 = pull * _normal(a.yaw), pull * _normal(b.yaw)
-    u = np.linspace(0.0, 1.0, SAMPLES)[:, None]
+    u = np.linspace(0.0, 1.0, samples)[:, None]
     point = (2 * u**3 - 3 * u**2 + 1) * p0 + (u**3 - 2 * u**2 + u) * m0
-    point += (3 * u**2 - 2 * u**3) * p1 + (u**3 - u**2) * m1
+    point = point + (3 * u**2 - 2 * u**3) * p1 + (u**3 - u**2) * m1
     first = 6 * (u**2 - u) * (p0 - p1) + (3 * u**2 - 4 * u + 1) * m0 + (3 * u**2 - 2 * u) * m1
-    return Way(point, first / np.maximum(np.linalg.norm(first, axis=1, keepdims=True), 1e-9))
+    return Way(point, first / np.maximum(np.linalg.norm(first, axis=-1, keepdims=True), 1e-9))
 
 
-def turning_way(a: Gate, b: Gate, radius: float) -> Way:
+def turning_way(a: Gate, b: Gate, radius: float, samples: int = SAMPLES) -> Way:
     """The shortest way of two arcs of `radius` and a straight (Dubins, 1957) that is long enough not to be steep.
 
     It climbs or sinks smoothly, level at both gates.
@@ -74,7 +84,7 @@ def turning_way(a: Gate, b: Gate, radius: float) -> Way:
     rise = b.position_w[2] - a.position_w[2]
     least = max(1.5 * abs(rise) / STEEPEST, SHORTEST)  # a smooth step is half as steep again in its middle
     turns = min((t for t in _turns(a, b, radius) if sum(t.lengths) >= least), key=lambda t: sum(t.lengths))
-    s = np.linspace(0.0, sum(turns.lengths), SAMPLES)
+    s = np.linspace(0.0, sum(turns.lengths), samples)
     x, y, heading = _follow(a, turns, radius, s)
     u = s / s[-1]
     z = a.position_w[2] + rise * (3 * u**2 - 2 * u**3)
@@ -147,13 +157,12 @@ def _normal(yaw: float) -> np.ndarray:
     return np.array([math.cos(yaw), math.sin(yaw), 0.0])
 
 
-def _slope(way: Way) -> float:
+def _slope(way: Way) -> np.ndarray:
     """Steepest climb per metre flown horizontally."""
-    level = np.linalg.norm(way.tangent_w[:, :2], axis=1)
-    return float((np.abs(way.tangent_w[:, 2]) / np.maximum(level, 1e-9)).max())
+    level = np.linalg.norm(way.tangent_w[..., :2], axis=-1)
+    return (np.abs(way.tangent_w[..., 2]) / np.maximum(level, 1e-9)).max(axis=-1)
 
 
-def _bending_energy(way: Way) -> float:
+def _bending_energy(way: Way) -> np.ndarray:
     """Integral of the squared curvature [1/m]."""
-    steps = np.linalg.norm(np.diff(way.point_w, axis=0), axis=1)
-    return float((way.curvature[:-1] ** 2 * steps).sum())
+    return (way.curvature[..., :-1] ** 2 * way.steps).sum(axis=-1)
