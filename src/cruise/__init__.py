@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from cruise.api import evaluate, load_policy, load_track, make_env, race, replay
     from cruise.api_training import train
     from cruise.errors import CruiseError
+    from cruise.racing.random_track import random_track
 
 __version__ = "0.1.0"
 
@@ -22,6 +23,7 @@ __all__ = [
     "make_env",
     "parallel_env",
     "race",
+    "random_track",
     "replay",
     "train",
     "vector_parallel_env",
@@ -30,6 +32,7 @@ __all__ = [
 _HOMES = {
     "CruiseError": "cruise.errors",
     "parallel_env": "cruise.adapters.doors",
+    "random_track": "cruise.racing.random_track",
     "train": "cruise.api_training",
     "vector_parallel_env": "cruise.adapters.doors",
 }  # of public names that are not in `cruise.api`

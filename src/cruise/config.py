@@ -259,6 +259,7 @@ class TrainConfig:
     seed: int = 0
     vehicle: str = "paper"
     start_from: str = ""  # name or path of a policy that learns on; none: from scratch
+    against: str = ""  # name or path of a policy that flies all opponents and never changes; none: self-play
     observation: ObservationKind = "extended"
     vanilla: bool = False  # train on the last stage alone, from scratch, for as many steps
     step_scale: float = 1.0  # multiplies every stage's budget

@@ -57,7 +57,7 @@ def shared_trainer(
     devices: Sequence[jax.Device] | None = None,
 ) -> Trainer:
     """A trainer for another seed, checkpoint interval or beginning, which runs the programs of the tiny run."""
-    same = {name: getattr(TINY, name) for name in ("seed", "checkpoint_seconds", "start_from")}
+    same = {name: getattr(TINY, name) for name in ("seed", "checkpoint_seconds", "start_from", "against")}
     assert replace(config, **same) == TINY
     assert (track, vehicle) == (TRACKS["ring"], VEHICLES["paper"])
     assert devices is None or list(devices) == list(tiny_trainer().mesh.devices)
@@ -79,9 +79,9 @@ def open_session(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[..
     monkeypatch.setattr(session, "Trainer", shared_trainer)
 
     def open_it(
-        seconds: float = 1e9, *, folder: Path = tmp_path / "run", resume: bool = False, start_from: str = ""
+        seconds: float = 1e9, *, folder: Path = tmp_path / "run", resume: bool = False, **policies: str
     ) -> Session:
-        config = replace(TINY, checkpoint_seconds=seconds, start_from=start_from)
+        config = replace(TINY, checkpoint_seconds=seconds, **policies)
         return Session(folder, config, TRACKS["ring"], VEHICLES["paper"], resume=resume)
 
     return open_it

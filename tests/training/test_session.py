@@ -104,6 +104,16 @@ def test_a_run_can_start_from_a_policy(open_session, uninterrupted, tmp_path):
     assert bits(session.state.model) == bits(pool.newest) == bits(pool.previous) == expected
 
 
+def test_a_best_response_learns_against_one_policy_that_never_changes(open_session, uninterrupted, tmp_path):
+    champion = uninterrupted.folder / "stage-5"
+    session = open_session(folder=tmp_path / "response", against=str(champion))
+    for progress in session:
+        assert not progress.opponents_replaced
+    expected = bits(read_policy(champion).params)
+    assert bits(session.state.opponents.newest) == bits(session.state.opponents.previous) == expected
+    assert bits(session.state.model) != expected
+
+
 @pytest.mark.parametrize(
     ("policy", "words"),
     [
@@ -112,7 +122,8 @@ def test_a_run_can_start_from_a_policy(open_session, uninterrupted, tmp_path):
         ("nowhere", "nowhere"),
     ],
 )
-def test_a_policy_that_does_not_fit_is_refused_and_leaves_no_run(open_session, tmp_path, policy, words):
+@pytest.mark.parametrize("flag", ["start_from", "against"])
+def test_a_policy_that_does_not_fit_is_refused_and_leaves_no_run(open_session, tmp_path, policy, words, flag):
     with pytest.raises(CruiseError, match=words):
-        open_session(folder=tmp_path / "on", start_from=policy)
+        open_session(folder=tmp_path / "on", **{flag: policy})
     assert not (tmp_path / "on" / "config.json").exists()

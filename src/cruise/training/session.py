@@ -19,6 +19,7 @@ from tensorboardX.proto.summary_pb2 import Summary
 from cruise import __version__
 from cruise.config import Track, TrainConfig, Vehicle
 from cruise.errors import CruiseError
+from cruise.pilots.network import ActorCritic
 from cruise.storage.atomic import write_atomically
 from cruise.storage.checkpoint import CURRENT, load_checkpoint, save_checkpoint
 from cruise.storage.config_file import load_config, save_config
@@ -170,20 +171,15 @@ class Session:
         return state
 
     def _first_state(self) -> TrainState:
-        """That of the trainer, or one in which everybody flies the policy to start from."""
-        state, name = self.trainer.initial_state(), self.config.start_from
-        if not name:
-            return state
-        policy = read_policy(name)
-        model, meta = policy.params, policy.meta
-        if (meta.vehicle, meta.observation) != (self.config.vehicle, self.config.observation):
-            raise CruiseError(
-                f"policy {name!r} flies a {meta.vehicle} by the {meta.observation} observation, this run trains for a "
-                f"{self.config.vehicle} by the {self.config.observation} one"
-            )
-        if jax.tree.map(np.shape, model) != jax.tree.map(np.shape, state.model):
-            raise CruiseError(f"policy {name!r} has other layers than this run: give --hidden as it was trained with")
-        pool = state.opponents._replace(newest=model, previous=model)
+        """That of the trainer, with policies from elsewhere where the configuration names them."""
+        state, config = self.trainer.initial_state(), self.config
+        model, pool = state.model, state.opponents
+        if config.start_from:
+            model = _fitting(config.start_from, config, state.model)
+            pool = pool._replace(newest=model, previous=model)
+        if config.against:
+            opponent = _fitting(config.against, config, state.model)
+            pool = pool._replace(newest=opponent, previous=opponent)
         return self.trainer.place(state._replace(model=model, opponents=pool))
 
     @property
@@ -260,6 +256,20 @@ class Session:
             results=results,
         )
         return save_policy(self.folder / f"{stem}.safetensors", self.state.model, meta)
+
+
+def _fitting(name: str, config: TrainConfig, model: ActorCritic) -> ActorCritic:
+    """The parameters of a policy. Raises CruiseError where they are not for such a run, or not shaped as `model`."""
+    policy = read_policy(name)
+    meta = policy.meta
+    if (meta.vehicle, meta.observation) != (config.vehicle, config.observation):
+        raise CruiseError(
+            f"policy {name!r} flies a {meta.vehicle} by the {meta.observation} observation, this run trains for a "
+            f"{config.vehicle} by the {config.observation} one"
+        )
+    if jax.tree.map(np.shape, policy.params) != jax.tree.map(np.shape, model):
+        raise CruiseError(f"policy {name!r} has other layers than this run: give --hidden as it was trained with")
+    return policy.params
 
 
 def default_folder(config: TrainConfig) -> Path:

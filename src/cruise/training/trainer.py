@@ -198,7 +198,7 @@ class Trainer:
         origin = np.array([self.config.seed, int(state.updates)], np.uint32)
         score = self.evaluate(state.model, state.opponents.newest, rules, alone, origin)
         score = Score(*(float(x) for x in score))
-        if not phase.self_play:
+        if not phase.self_play or self.config.against:
             return score, state, False
         if has_mastered(state, score, self.config.opponents) and may_replace(state):
             return score, replace_opponents(state), True
