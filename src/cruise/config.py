@@ -216,6 +216,8 @@ class SelfPlayConfig:
     win_threshold: float = 0.6  # tau
     patience: int = 2  # evaluations short of tau after which opponents are replaced all the same; 0: never
     sparring_share: float = 0.1  # of the opponents in training that chase gates by hand, at many speeds; 0: none
+    league: int = 0  # places for past policies, which fly the opponents of half the races; 0: the newest fly all
+    founders: tuple[str, ...] = ()  # names or paths of policies that hold a place in the league from the start
     vary_field: bool = False  # a race in training has 1 to N drones, each number as often
     evaluation_races: int = 100  # n_eval
     evaluation_steps: int = 300  # length of an evaluation episode, in control steps

@@ -14,9 +14,9 @@ from cruise.training.experience import (
     draw,
     hide_opponents,
     make_collect,
-    opponent_actions,
     thin_out,
 )
+from cruise.training.league import newest_fly
 from cruise.training.types import OpponentPool, TrainState
 from tests.training import reference
 from tests.training.replay import Replayed, replay
@@ -201,7 +201,7 @@ def test_each_race_is_flown_by_its_own_generation(share):
     older = rng.random(10) < share
     observation = jnp.asarray(rng.normal(size=(like.actor.layers[0].in_features, 3, 10)), jnp.float32)
     pool = OpponentPool(newest, previous, jnp.asarray(older), jnp.asarray(0, jnp.int32))
-    found = opponent_actions(pool, observation)
+    found = newest_fly(pool, observation)
     for k in range(3):
         own, its = (reference.mean_action(model, observation[:, k]) for model in (newest, previous))
         np.testing.assert_allclose(found[:, k], np.where(older, its, own), atol=1e-4)

@@ -86,6 +86,7 @@ def state_specs(shape: TrainState) -> TrainState:
         restart=PartitionSpec(AXIS),  # type: ignore[arg-type]
         key=everywhere,  # type: ignore[arg-type]
         updates=everywhere,  # type: ignore[arg-type]
+        league=None if shape.league is None else everywhere,  # type: ignore[arg-type]
     )
 
 

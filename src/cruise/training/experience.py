@@ -12,8 +12,9 @@ from cruise.env.race_env import RaceEnv
 from cruise.env.surroundings import perceive
 from cruise.env.types import RaceState, Rules, StepOutcome
 from cruise.pilots.network import ActorCritic
+from cruise.training.league import opponents_fly
 from cruise.training.sparring import fly_sparring
-from cruise.training.types import ACTIVE, OpponentPool, TrainState, Transitions
+from cruise.training.types import ACTIVE, TrainState, Transitions
 from cruise.vector import norm
 
 
@@ -41,16 +42,6 @@ def log_prob(
     """Log-density of an action under the diagonal Gaussian policy, its deviation times `noise_scale` [*B]."""
     std = jnp.exp(log_std).reshape(-1, *(1,) * (action.ndim - 1)) * noise_scale
     return jax.scipy.stats.norm.logpdf(action, mean, std).sum(0)
-
-
-def opponent_actions(pool: OpponentPool, observation: Float[Array, "O K E"]) -> Float[Array, "A K E"]:
-    """Deterministic actions of the frozen drones; the older generation costs only while a race still uses it."""
-    newest = pool.newest.mean_action(observation)
-
-    def mixed(_: None) -> Array:
-        return jnp.where(pool.uses_previous, pool.previous.mean_action(observation), newest)
-
-    return jax.lax.cond(pool.uses_previous.any(), mixed, lambda _: newest, None)
 
 
 def caution(races: RaceState, distance: float, least: float) -> Float[Array, "E"]:
@@ -137,7 +128,9 @@ def make_collect(env: RaceEnv, config: TrainConfig) -> Collect:
             action = mean + std * noise_scale * white
             everyone = action[:, None]
             if env.num_drones > 1:
-                everyone = jnp.concatenate([everyone, opponent_actions(opponents, observation[:, 1:])], axis=1)
+                everyone = jnp.concatenate(
+                    [everyone, opponents_fly(opponents, state.league, observation[:, 1:])], axis=1
+                )
             flown = env.decode(seen, everyone)
             if spars:
                 flown = fly_sparring(env, races, flown, state.sparring, rules.agility)

@@ -1,5 +1,6 @@
 """Iterative self-play: the win rate against the frozen opponents, and their replacement (Algorithm 1)."""
 
+import math
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -13,7 +14,8 @@ from cruise.env.surroundings import perceive
 from cruise.env.types import RaceState, Rules
 from cruise.pilots.network import ActorCritic
 from cruise.training.experience import hide_opponents
-from cruise.training.types import ACTIVE, OpponentPool, TrainState
+from cruise.training.league import SEATS, SHARES, beaten_by_seat, opponents_fly
+from cruise.training.types import ACTIVE, League, OpponentPool, TrainState
 from cruise.vector import norm
 
 
@@ -24,6 +26,7 @@ class Score(NamedTuple):
     success: Float[Array, ""] | float  # share of races the active drone survived
     speed: Float[Array, ""] | float  # mean of the active drone while in the air [m/s]
     lap_time: Float[Array, ""] | float  # from the gates passed by survivors [s]
+    beaten: Float[Array, "S"] | None = None  # how often each member of the league that flew was beaten
 
 
 def win_rate(gates_passed: Int[Array, "N E"]) -> Float[Array, ""]:
@@ -54,27 +57,41 @@ def _watch(seen: _Watch, before: RaceState, after: RaceState, passed: Bool[Array
     )
 
 
-def _score(seen: _Watch, races: RaceState, env: RaceEnv) -> Score:
+def _score(seen: _Watch, races: RaceState, env: RaceEnv, league: League | None = None) -> Score:
     gates = races.gates_passed[ACTIVE] - 1
     whole = (gates >= env.course.num_gates) & ~races.out[ACTIVE]
     per_lap = (seen.last_gate - seen.first_gate) * env.course.num_gates / jnp.maximum(gates, 1)
     return Score(
-        win_rate=win_rate(races.gates_passed),
+        win_rate=win_rate(races.gates_passed if league is None else _against_newest(races.gates_passed)),
         success=jnp.mean(~races.out[ACTIVE]),
         speed=seen.distance.sum() / jnp.maximum(seen.steps.sum(), 1),
         lap_time=jnp.sum(jnp.where(whole, per_lap, 0.0)) / whole.sum() * env.dynamics.control_dt,
+        beaten=None if league is None else beaten_by_seat(races.gates_passed),
     )
 
 
-Evaluate = Callable[[ActorCritic, ActorCritic, Rules, Array, Array], Score]
+def _against_newest(gates_passed: Int[Array, "N E"]) -> Int[Array, "N H"]:
+    """Of the races that no member of the league flies in."""
+    return gates_passed.reshape(len(gates_passed), -1, SHARES)[..., :SEATS].reshape(len(gates_passed), -1)
+
+
+Evaluate = Callable[..., Score]  # (model, opponents, rules, alone, key, league=None)
 
 
 def make_evaluate(env: RaceEnv, config: SelfPlayConfig) -> Evaluate:
-    """A function that races the active policy against the opponents, all deterministic, under the stage's rules."""
+    """A function that races the active policy against the opponents, all deterministic, under the stage's rules.
 
-    def evaluate(model: ActorCritic, opponents: ActorCritic, rules: Rules, alone: Array, key: Array) -> Score:
-        races = hide_opponents(env.reset(key, (config.evaluation_races,)), alone)
-        nothing = jnp.zeros(config.evaluation_races)
+    With a league its members fly the opponents of as many races as the newest do, and races are a few more: a multiple
+    of their shares.
+    """
+
+    def evaluate(
+        model: ActorCritic, opponents: ActorCritic, rules: Rules, alone: Array, key: Array, league: League | None = None
+    ) -> Score:
+        number = config.evaluation_races if league is None else SHARES * math.ceil(config.evaluation_races / SHARES)
+        races = hide_opponents(env.reset(key, (number,)), alone)
+        nothing = jnp.zeros(number)
+        pool = OpponentPool(opponents, opponents, jnp.zeros(number, bool), jnp.zeros((), jnp.int32))
 
         def step(carry: tuple, _: None) -> tuple:
             races, seen = carry
@@ -82,13 +99,13 @@ def make_evaluate(env: RaceEnv, config: SelfPlayConfig) -> Evaluate:
             observation = env.observe(seen_as)
             action = model.mean_action(observation[:, :1])
             if env.num_drones > 1:
-                action = jnp.concatenate([action, opponents.mean_action(observation[:, 1:])], axis=1)
+                action = jnp.concatenate([action, opponents_fly(pool, league, observation[:, 1:])], axis=1)
             after, outcome = env.step(races, env.decode(seen_as, action), rules)
             crossing = outcome.crossing
             return (after, _watch(seen, races, after, crossing.passed[ACTIVE], crossing.fraction[ACTIVE])), None
 
         (races, seen), _ = jax.lax.scan(step, (races, _Watch(*[nothing] * 4)), length=config.evaluation_steps)
-        return _score(seen, races, env)
+        return _score(seen, races, env, league)
 
     return evaluate
 

@@ -26,6 +26,7 @@ from cruise.storage.config_file import load_config, save_config
 from cruise.storage.policy_file import PolicyMeta, read_policy, save_policy
 from cruise.training import hosts
 from cruise.training.curriculum import Phase
+from cruise.training.league import found_league, standing
 from cruise.training.trainer import Progress, Trainer, TrainingDiverged
 from cruise.training.types import TrainState
 
@@ -97,8 +98,10 @@ def metrics_row(progress: Progress, seconds: float) -> dict[str, Any]:
     row["policy/std"] = float(np.exp(np.asarray(progress.state.model.log_std)).mean())
     if progress.score is not None:
         score = {f"evaluation/{name}": value for name, value in progress.score._asdict().items()}
-        row |= {name: value for name, value in score.items() if np.isfinite(value)}
+        row |= {name: value for name, value in score.items() if value is not None and np.isfinite(value)}
         row["evaluation/opponents_replaced"] = float(progress.opponents_replaced)
+        if progress.state.league is not None:
+            row |= {f"league/{name}": value for name, value in standing(progress.state.league).items()}
     return row
 
 
@@ -180,7 +183,11 @@ class Session:
         if config.against:
             opponent = _fitting(config.against, config, state.model)
             pool = pool._replace(newest=opponent, previous=opponent)
-        return self.trainer.place(state._replace(model=model, opponents=pool))
+        league, founders = state.league, config.opponents.founders
+        if league is not None:
+            found = [_fitting(name, config, state.model) for name in founders]
+            league = found_league(model, config.opponents.league, found)
+        return self.trainer.place(state._replace(model=model, opponents=pool, league=league))
 
     @property
     def resume_command(self) -> str:

@@ -27,10 +27,13 @@ from cruise.training.devices import (
     state_specs,
 )
 from cruise.training.experience import Draws, draw, hide_opponents, make_collect
+from cruise.training.league import SHARES, after_evaluation, found_league, join
 from cruise.training.ppo import flatten, make_learn, make_optimiser
 from cruise.training.self_play import Score, has_mastered, make_evaluate, may_replace, play_on, replace_opponents
 from cruise.training.sparring import draw_sparring
-from cruise.training.types import OpponentPool, TrainState
+from cruise.training.types import League, OpponentPool, TrainState
+
+SEATING = 1  # of the keys of an evaluation, the one that seats the league
 
 
 class Progress(NamedTuple):
@@ -70,6 +73,8 @@ class Trainer:
         self.env: RaceEnv = make_race_env(track, config.drones, vehicle, config.observation, config.reward, perturb)
         self.optimiser = make_optimiser(config.ppo, self.total_updates)
         self.mesh = make_mesh(devices or choose_devices(config.ppo.races))
+        if config.opponents.league and config.ppo.races // self.mesh.size % SHARES:
+            raise CruiseError(f"with a league every device flies a multiple of {SHARES} races: change races or devices")
         everywhere = NamedSharding(self.mesh, PartitionSpec())
         self.places = placed = shardings(self.mesh, state_specs(self.state_shape()))
         self.update = jax.jit(
@@ -114,11 +119,15 @@ class Trainer:
         evaluate = make_evaluate(self.env, self.config.opponents)
 
         def evaluate_update(
-            model: ActorCritic, opponents: ActorCritic, rules: Rules, alone: Array, origin: UInt32[Array, "2"]
+            model: ActorCritic,
+            opponents: ActorCritic,
+            rules: Rules,
+            alone: Array,
+            origin: UInt32[Array, "2"],
+            league: League | None = None,
         ) -> Score:
             """`origin`: the seed and the number of the update that is evaluated."""
-            seed, update = origin
-            return evaluate(model, opponents, rules, alone, jax.random.fold_in(jax.random.key(seed + 1), update))
+            return evaluate(model, opponents, rules, alone, _key_of(origin), league)
 
         return evaluate_update
 
@@ -143,6 +152,7 @@ class Trainer:
             restart=nobody,
             key=key,
             updates=jnp.zeros((), jnp.int32),
+            league=found_league(model, self.config.opponents.league) if self.config.opponents.league else None,
         )
 
     def initial_state(self) -> TrainState:
@@ -196,13 +206,23 @@ class Trainer:
         self, state: TrainState, phase: Phase, rules: Rules, alone: np.ndarray | Array
     ) -> tuple[Score, TrainState, bool]:
         origin = np.array([self.config.seed, int(state.updates)], np.uint32)
-        score = self.evaluate(state.model, state.opponents.newest, rules, alone, origin)
-        score = Score(*(float(x) for x in score))
+        score = self.evaluate(state.model, state.opponents.newest, rules, alone, origin, state.league)
+        if state.league is not None:
+            state = after_evaluation(state, score.beaten, jax.random.fold_in(_key_of(origin), SEATING))
+        score = Score(*(float(x) for x in score[:4]))  # type: ignore[arg-type]
         if not phase.self_play or self.config.against:
             return score, state, False
         if has_mastered(state, score, self.config.opponents) and may_replace(state):
+            if state.league is not None:
+                state = join(state, len(self.config.opponents.founders))
             return score, replace_opponents(state), True
         return score, play_on(state), False
+
+
+def _key_of(origin: UInt32[Array, "2"] | np.ndarray) -> Array:
+    """The key of an evaluation: that of the seed and the number of the update."""
+    seed, update = origin
+    return jax.random.fold_in(jax.random.key(seed + 1), update)
 
 
 def _on_host(number: float | int | bool) -> np.ndarray:

@@ -31,6 +31,17 @@ class Sparring(NamedTuple):
     push: Float[Array, "N E"]  # away from drones nearby, per metre too near [1/s]; 0: it does not see them
 
 
+class League(NamedTuple):
+    """Policies of before, and who of them flies the opponents of which races: see `cruise.training.league`."""
+
+    members: ActorCritic  # one in each of M places, along a leading axis
+    joined: Int[Array, "M"]  # number of the update at which each came; -1: the place is empty
+    beaten: Float[Array, "M"]  # how often the active policy passed more gates than each lately; an equal number is half
+    rating: Float[Array, "M"]  # Elo
+    own_rating: Float[Array, ""]  # that of the active policy
+    flying: Int[Array, "K"]  # places of those who fly at present
+
+
 class TrainState(NamedTuple):
     """Everything an update depends on; saved whole in a checkpoint."""
 
@@ -42,6 +53,7 @@ class TrainState(NamedTuple):
     restart: Bool[Array, "E"]  # races that begin anew at the next step
     key: Array
     updates: Int[Array, ""]
+    league: League | None = None  # None: there is none
 
 
 class Transitions(NamedTuple):

@@ -66,7 +66,9 @@ def _ppo_faults(ppo: PPOConfig) -> Iterator[str]:
 
 def _opponent_faults(opponents: SelfPlayConfig) -> Iterator[str]:
     yield from _below(1, opponents, "evaluate_every", "evaluation_races", "evaluation_steps")
-    yield from _below(0, opponents, "patience")
+    yield from _below(0, opponents, "patience", "league")
+    if len(opponents.founders) > opponents.league:
+        yield f"{len(opponents.founders)} founders need as many places: league is {opponents.league}"
     for name in ("win_threshold", "sparring_share"):
         if not 0 <= getattr(opponents, name) <= 1:
             yield f"{name} must be between 0 and 1, not {getattr(opponents, name)}"
