@@ -157,3 +157,27 @@ def test_a_reader_that_goes_away_is_no_error():
         process.stdout.close()
         assert process.stderr.read() == b""
         assert process.wait() == 141
+
+
+def test_a_random_track_is_shown_or_written_and_can_be_checked(tmp_path):
+    shown = cruise("tracks", "random", "--seed", "3", "--gates", "6", "--difficulty", "0.8")
+    assert shown.returncode == 0
+    assert "random-3 (metres, degrees)" in shown.stdout
+    path = tmp_path / "drawn.toml"
+    written = cruise("tracks", "random", "--seed", "3", "--gates", "6", "--difficulty", "0.8", "--out", str(path))
+    assert written.stdout.splitlines() == [f"track {path}", shown.stdout.splitlines()[-1]]
+    assert cruise("tracks", "check", str(path)).returncode == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["random", "--difficulty", "2"], "difficulty must be from 0 to 1, not 2.0"),
+        (["random", "--gates", "2"], "a random track has from 3 to 40 gates, not 2"),
+        (["show", "random"], "random is a new track in every race: write one with `cruise tracks random --out FILE`"),
+    ],
+)
+def test_what_no_random_track_can_be_is_said_in_one_line(arguments, words):
+    told = cruise("tracks", *arguments)
+    assert (told.returncode, told.stdout) == (2, "")
+    assert told.stderr == f"error: {words}\n"

@@ -9,8 +9,10 @@ import pytest
 from cruise.errors import CruiseError
 from cruise.evaluation import matches
 from cruise.evaluation.matches import Match, evaluate, evaluate_policy, make_match, run_races
+from cruise.evaluation.metrics import race_result
 from cruise.pilots.scripted import SCRIPTED, Chaser
 from cruise.presets import TRACKS, VEHICLES
+from cruise.racing.track_file import load_track
 from cruise.storage import policy_file
 from tests.storage.policies import write_policy
 
@@ -144,6 +146,22 @@ def test_a_race_of_racers_is_a_log_of_theirs():
     np.testing.assert_allclose(np.diff(log.time), 0.02)
     assert len(log.event_time[log.event_kind == 7]) == 1  # the chaser has finished
     assert log.time[-1] == pytest.approx(150.0)  # and the other hovered until the time limit
+
+
+def test_every_race_on_random_tracks_has_its_own_and_its_log_says_which():
+    track = load_track("random")
+    races = list(run_races(make_match(track, 2, "chaser", laps=1), 12, seed=4))
+    known = {tuple(np.round([gate.position_w for gate in gates], 2).ravel()) for gates in track.variants}
+    flown = {tuple(np.round(log.gate_position, 2).ravel()) for log in races}
+    assert flown <= known
+    assert len(flown) > 8
+    assert np.mean([race_result(log).drones[0].finished for log in races]) > 0.5
+
+
+@pytest.mark.parametrize("pilot", ["se-ibr", "examples/pid_pilot.py:Pilot"])
+def test_a_pilot_that_must_know_the_track_refuses_random_ones(pilot):
+    with pytest.raises(CruiseError, match="must know the track, and 'random' is another one in every race"):
+        next(run_races(make_match(load_track("random"), 2, pilot), 1, seed=0))
 
 
 def test_starts_are_not_those_of_training(mixed, logs):

@@ -11,13 +11,14 @@ import numpy as np
 from cruise.config import TrainConfig
 from cruise.env.race_env import make_race_env
 from cruise.pilots.network import ActorCritic
-from cruise.presets import TRACKS, VEHICLES
+from cruise.presets import VEHICLES
+from cruise.racing.track_file import load_track
 from cruise.storage.policy_file import PolicyMeta, save_policy
 
 
 @functools.cache
 def observation_size(track="ring", drones=2, observation="extended"):
-    env = make_race_env(TRACKS[track], drones, VEHICLES["paper"], observation)
+    env = make_race_env(load_track(track), drones, VEHICLES["paper"], observation)
     return jax.eval_shape(env.observe, jax.eval_shape(env.reset, jax.random.key(0))).shape[0]
 
 

@@ -14,6 +14,7 @@ import pytest
 from cruise.config import TrainConfig
 from cruise.errors import CruiseError
 from cruise.presets import TRACKS
+from cruise.racing.track_file import RANDOM
 from cruise.storage import policy_file, tensors
 from cruise.storage.config_file import to_data
 from cruise.storage.policy_file import list_policies, load_policy, read_meta, read_policy, save_policy, shipped_name
@@ -56,6 +57,9 @@ def test_shipped_ones_are_found_by_name(tmp_path, monkeypatch):
         shipped_name("ring", 2, "racer")
     write_policy(tmp_path / "racer-ring", vehicle="racer")
     assert shipped_name("ring", 2, "racer") == shipped_name("ring", 7, "racer") == "racer-ring"
+    write_policy(tmp_path / "racer-random", vehicle="racer", track="random")
+    assert shipped_name("ring", 2, "racer") == "racer-ring"
+    assert shipped_name("split-s", 2, "racer") == shipped_name("my track", 8, "racer") == "racer-random"
 
 
 def test_what_is_shipped_is_sound():
@@ -65,7 +69,7 @@ def test_what_is_shipped_is_sound():
     assert files == {name + ending for name in policies for ending in (".json", ".safetensors")}
     for name, about in policies.items():
         assert name == shipped_name(about.track, about.drones, about.vehicle)
-        assert about.track in TRACKS
+        assert about.track in (*TRACKS, RANDOM)
         assert (about.results["track"], about.results["drones"]) == (about.track, about.drones)
         assert load_policy(name).name == name
 
