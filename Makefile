@@ -83,7 +83,7 @@ policies: $(VENV)/.installed $(CELLS:%=runs/%/policy.json)
 EXTRA.figure-eight-2 := --seed 2
 EXTRA.figure-eight-4 := --terminal -20
 # VEHICLE-TRACK: for fields of any size.
-TRAIN.racer-ring := --vehicle racer --track ring --drones 8 --step-scale 1.5
+TRAIN.racer-ring := --vehicle racer --track ring --drones 8 --step-scale 2.25
 TRAIN.crazyflie-ring := --vehicle crazyflie --track ring --drones 4
 TRACK_AND_DRONES = --track $(shell echo $* | sed 's/-[0-9]*$$//') --drones $(lastword $(subst -, ,$*))
 

@@ -102,8 +102,8 @@ REWARDS: dict[str, RewardWeights] = {
         w_align=0.0,
         w_speed=0.0,
         gate_bonus=1.0,
-        w_edge=10.0,
-        edge_margin=0.2,
+        w_edge=15.0,
+        edge_margin=0.25,
         w_near=0.3,
         near_distance=1.5,
         terminal=-20.0,
@@ -174,7 +174,7 @@ def training_config(vehicle: str = "paper", drones: int = TrainConfig.drones) ->
             initial_log_std=-0.3,
             caution_distance=1.5,
         ),
-        opponents=SelfPlayConfig(vary_field=True, evaluation_steps=1000),  # 20 s
+        opponents=SelfPlayConfig(vary_field=True, sparring_share=0.2, evaluation_steps=1000),  # 20 s
         # Half as strong as it is measured with; but how a demand is cut is either way, and both must be known.
         randomisation=replace(RANDOMISATION[vehicle].scaled(0.5), clip_share=1.0),
     )
