@@ -83,7 +83,11 @@ policies: $(VENV)/.installed $(CELLS:%=runs/%/policy.json)
 EXTRA.figure-eight-2 := --seed 2
 EXTRA.figure-eight-4 := --terminal -20
 # VEHICLE-TRACK: for fields of any size.
-TRAIN.racer-ring := --vehicle racer --track ring --drones 8 --step-scale 2.25
+# The second run goes on from the first on the last stage alone, in smaller steps.
+TRAIN.racer-ring-first := --vehicle racer --track ring --drones 8 --step-scale 2.25
+TRAIN.racer-ring := --vehicle racer --track ring --drones 8 --step-scale 0.75 --vanilla \
+    --start-from runs/racer-ring-first --learning-rate 3e-4 --final-learning-rate 3e-5
+runs/racer-ring/policy.json: runs/racer-ring-first/policy.json
 TRAIN.crazyflie-ring := --vehicle crazyflie --track ring --drones 4
 TRACK_AND_DRONES = --track $(shell echo $* | sed 's/-[0-9]*$$//') --drones $(lastword $(subst -, ,$*))
 
