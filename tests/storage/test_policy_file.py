@@ -59,7 +59,9 @@ def test_shipped_ones_are_found_by_name(tmp_path, monkeypatch):
     assert shipped_name("ring", 2, "racer") == shipped_name("ring", 7, "racer") == "racer-ring"
     write_policy(tmp_path / "racer-random", vehicle="racer", track="random")
     assert shipped_name("ring", 2, "racer") == "racer-ring"
-    assert shipped_name("split-s", 2, "racer") == shipped_name("my track", 8, "racer") == "racer-random"
+    assert shipped_name("split-s", 1, "racer") == shipped_name("my track", 1, "racer") == "racer-random"
+    with pytest.raises(CruiseError, match="'split-s' with 2 drones and vehicle 'racer'; shipped"):
+        shipped_name("split-s", 2, "racer")
 
 
 def test_what_is_shipped_is_sound():

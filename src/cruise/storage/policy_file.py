@@ -164,12 +164,14 @@ def list_policies() -> dict[str, PolicyMeta]:
 def shipped_name(track: str, drones: int, vehicle: str = "paper") -> str:
     """Name of the shipped policy of a track and a vehicle: `TRACK-DRONES` for the paper's, `VEHICLE-TRACK` for others.
 
-    Where these have none for the track it is the one trained on random tracks.
+    For a drone alone on a track for which there is none it is the one trained on random tracks.
 
     Raises:
         CruiseError: there is none; it names those there are.
     """
-    names = [f"{track}-{drones}"] if vehicle == "paper" else [f"{vehicle}-{track}", f"{vehicle}-{RANDOM}"]
+    names = [f"{track}-{drones}" if vehicle == "paper" else f"{vehicle}-{track}"]
+    if drones == 1:
+        names.append(f"{vehicle}-{RANDOM}")
     name = next((name for name in names if _with(SHIPPED / name, ".json").is_file()), None)
     if name is None:
         known = ", ".join(list_policies()) or "none"
