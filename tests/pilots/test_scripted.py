@@ -6,7 +6,7 @@ import pytest
 
 from cruise.env.race_env import make_race_env
 from cruise.pilots.scripted import SCRIPTED
-from cruise.presets import TRACKS, VEHICLES
+from cruise.presets import PAPER_TRACKS, TRACKS, VEHICLES
 from cruise.rollout import fly, team_rules
 
 RACES = 16
@@ -19,7 +19,7 @@ def fly_alone(name, track, laps, steps, vehicle="paper"):
     return fly(env, team, rules, jax.random.key(5), steps, (RACES,))
 
 
-@pytest.mark.parametrize("track", TRACKS)
+@pytest.mark.parametrize("track", PAPER_TRACKS)
 def test_chaser_flies_every_lap_from_every_gate(track):
     flight = fly_alone("chaser", track, laps=2, steps=800)
     assert flight.finished[-1].all()

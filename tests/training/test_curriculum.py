@@ -160,7 +160,7 @@ def test_nothing_is_ever_compiled_twice(tmp_path):
         for start in (trainer.initial_state(), state, trainer.place(read), replace_opponents(state), play_on(state)):
             rules, origin = trainer.rules_of(phase), np.array([0, 1], np.uint32)
             after, _ = trainer.update(start, rules, np.asarray(True))
-            trainer.evaluate(after.model, after.opponents.newest, rules, np.asarray(False), origin)
+            trainer.evaluate(after.model, after.opponents.newest, rules, np.asarray(False), origin, None)
     assert trainer.update._cache_size() == 1
     assert trainer.evaluate._cache_size() == 1
     assert trainer.start._cache_size() == 1

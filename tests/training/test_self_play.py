@@ -136,7 +136,7 @@ def test_evaluation_is_the_race_flown_step_by_step(case):
     key = jax.random.fold_in(jax.random.key(11), 7)
     mine, theirs = {"equal": (0.6, 0.6), "faster": (1.0, 0.12), "slower": (0.12, 1.0), "alone": (0.6, 1.0)}[case]
     model, opponents = pilot(mine, 0.05), pilot(theirs)
-    found = trainer.evaluate(model, opponents, last_rules(), np.asarray(case == "alone"), origin)
+    found = trainer.evaluate(model, opponents, last_rules(), np.asarray(case == "alone"), origin, None)
     expected = fly_evaluation(model, opponents, case == "alone", key)
     np.testing.assert_allclose(found[:3], expected[:3], atol=1e-4)
     assert np.isnan(found.lap_time)  # nobody flies a lap in 3 s
@@ -168,7 +168,9 @@ def test_evaluations_of_a_run_are_against_the_newest_opponents():
             continue
         origin = np.array([TINY.seed, now.state.updates], np.uint32)
         opponents = before.state.opponents.newest
-        again = trainer.evaluate(now.state.model, opponents, trainer.rules_of(now.phase), np.asarray(False), origin)
+        again = trainer.evaluate(
+            now.state.model, opponents, trainer.rules_of(now.phase), np.asarray(False), origin, None
+        )
         np.testing.assert_array_equal(now.score[:4], [float(x) for x in again[:4]])
         checked += 1
     assert checked

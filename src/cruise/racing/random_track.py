@@ -42,7 +42,7 @@ def random_track(seed: int, gates: int = USUAL_GATES, difficulty: float = 0.5) -
         seed: 0 or more.
         gates: how many, from 3 to 40.
         difficulty: from 0, gates far apart around a circle and nearly level, to 1: close, shuffled, at any height up to
-            5 m, turned away from the shortest way, and half of them in pairs one above the other.
+            5 m, turned away from the shortest way, and often in pairs, one above the other.
 
     Raises:
         CruiseError: a number out of range, or no such track was found.

@@ -19,14 +19,14 @@ from tensorboardX.proto.summary_pb2 import Summary
 from cruise import __version__
 from cruise.config import Track, TrainConfig, Vehicle
 from cruise.errors import CruiseError
-from cruise.pilots.network import ActorCritic
 from cruise.storage.atomic import write_atomically
 from cruise.storage.checkpoint import CURRENT, load_checkpoint, save_checkpoint
 from cruise.storage.config_file import load_config, save_config
-from cruise.storage.policy_file import PolicyMeta, read_policy, save_policy
+from cruise.storage.policy_file import PolicyMeta, save_policy
 from cruise.training import hosts
+from cruise.training.beginning import first_state
 from cruise.training.curriculum import Phase
-from cruise.training.league import found_league, standing
+from cruise.training.league import standing
 from cruise.training.trainer import Progress, Trainer, TrainingDiverged
 from cruise.training.types import TrainState
 
@@ -167,27 +167,11 @@ class Session:
             raise CruiseError(
                 f"{self.folder} holds a run already: go on with {self.resume_command}, or choose another --out"
             )
-        state = self._first_state()
+        state = first_state(self.trainer)
         self._write_checkpoint(state, 0.0, 0)
         if hosts.is_first():
             save_config(self.folder / CONFIG, self.config)
         return state
-
-    def _first_state(self) -> TrainState:
-        """That of the trainer, with policies from elsewhere where the configuration names them."""
-        state, config = self.trainer.initial_state(), self.config
-        model, pool = state.model, state.opponents
-        if config.start_from:
-            model = _fitting(config.start_from, config, state.model)
-            pool = pool._replace(newest=model, previous=model)
-        if config.against:
-            opponent = _fitting(config.against, config, state.model)
-            pool = pool._replace(newest=opponent, previous=opponent)
-        league, founders = state.league, config.opponents.founders
-        if league is not None:
-            found = [_fitting(name, config, state.model) for name in founders]
-            league = found_league(model, config.opponents.league, found)
-        return self.trainer.place(state._replace(model=model, opponents=pool, league=league))
 
     @property
     def resume_command(self) -> str:
@@ -263,20 +247,6 @@ class Session:
             results=results,
         )
         return save_policy(self.folder / f"{stem}.safetensors", self.state.model, meta)
-
-
-def _fitting(name: str, config: TrainConfig, model: ActorCritic) -> ActorCritic:
-    """The parameters of a policy. Raises CruiseError where they are not for such a run, or not shaped as `model`."""
-    policy = read_policy(name)
-    meta = policy.meta
-    if (meta.vehicle, meta.observation) != (config.vehicle, config.observation):
-        raise CruiseError(
-            f"policy {name!r} flies a {meta.vehicle} by the {meta.observation} observation, this run trains for a "
-            f"{config.vehicle} by the {config.observation} one"
-        )
-    if jax.tree.map(np.shape, policy.params) != jax.tree.map(np.shape, model):
-        raise CruiseError(f"policy {name!r} has other layers than this run: give --hidden as it was trained with")
-    return policy.params
 
 
 def default_folder(config: TrainConfig) -> Path:

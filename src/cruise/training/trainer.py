@@ -124,7 +124,7 @@ class Trainer:
             rules: Rules,
             alone: Array,
             origin: UInt32[Array, "2"],
-            league: League | None = None,
+            league: League | None,
         ) -> Score:
             """`origin`: the seed and the number of the update that is evaluated."""
             return evaluate(model, opponents, rules, alone, _key_of(origin), league)
