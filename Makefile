@@ -65,7 +65,7 @@ peers: .venv-peers/.installed .venv-crazyflow/.installed
 .venv-peers/.installed: pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv-peers
 	.venv-peers/bin/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable \
-	    '.[gym,rotorpy]' stable-baselines3==2.9.2 torch==2.13.0 sbx-rl==0.28.0 brax==0.14.2
+	    '.[gym,rotorpy]' stable-baselines3==2.9.2 torch==2.13.0 sbx-rl==0.28.0 brax==0.14.2 torchdiffeq==0.2.5 roma==1.8.0
 	@touch $@
 
 .venv-crazyflow/.installed:

@@ -1,6 +1,7 @@
 """`python -m benchmarks.peers`: rates side by side, every case in turn, and how many times faster CRUISE is."""
 
 import json
+import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -15,7 +16,6 @@ from benchmarks.machine import Case, describe_machine, interleave, rates, versio
 from benchmarks.peers.apart import Apart
 from benchmarks.peers.cases import (
     PlainEnvironment,
-    brax_on_ours,
     sbx_on_ours,
     stable_baselines_as_the_paper,
     stable_baselines_on_ours,
@@ -38,7 +38,7 @@ TRAINING: Mapping[str, Callable[[], Case]] = {
     "Stable-Baselines3, as the paper trained": stable_baselines_as_the_paper,
     "Stable-Baselines3 on CRUISE's races": stable_baselines_on_ours,
     "SBX on CRUISE's races": sbx_on_ours,
-    "Brax's PPO on CRUISE's races": brax_on_ours,
+    "Brax's PPO on CRUISE's races": lambda: Apart(sys.executable, "benchmarks.peers.brax_race:BraxPPO"),
 }
 SIMULATORS: Mapping[str, Callable[[], Case]] = {
     OURS: lambda: EnvironmentCase(RACES, DRONES, "body", "racer"),

@@ -1,8 +1,12 @@
-"""Brax's PPO on CRUISE's race, one drone learning against three that hold still, as a Brax environment."""
+"""Brax's PPO on CRUISE's race, one drone learning against three that hold still, as a Brax environment.
+
+It is run in a process of its own: on one device, whose loops all cores share, because with this JAX it fails on more.
+"""
 
 import functools
 import queue
 import threading
+from collections.abc import Sequence
 from typing import Any
 
 import jax
@@ -19,6 +23,15 @@ from cruise.env.types import stage_rules
 from cruise.presets import CURRICULUM, TRACKS, VEHICLES
 
 OURS = PPOConfig()
+
+
+def _on_each(tree: Any, devices: Sequence[jax.Device]) -> Any:
+    """What `jax.device_put_replicated` was, which Brax 0.14.2 still calls."""
+    return jax.tree.map(lambda leaf: jnp.stack([leaf] * len(devices)), tree)
+
+
+if not hasattr(jax, "device_put_replicated"):
+    jax.device_put_replicated = _on_each
 
 
 class BraxRace(Env):

@@ -64,13 +64,6 @@ def sbx_on_ours(races: int = 512) -> Learning:
     return Learning(PPO("MlpPolicy", _ours(races), seed=0, **_sizes(races)))
 
 
-def brax_on_ours() -> Any:
-    """Brax's PPO with the same sizes; opponents hold still, and Brax's own vectorisation leads with the races."""
-    from benchmarks.peers.brax_race import BraxPPO  # noqa: PLC0415
-
-    return BraxPPO()
-
-
 def _ours(races: int) -> Any:
     from cruise.adapters.sb3 import StableBaselinesEnv  # noqa: PLC0415
 

@@ -59,7 +59,9 @@ class Rotorpy:
 
     def __init__(self) -> None:
         """Crazyflies hovering far above the ground."""
+        import roma  # noqa: F401, PLC0415  (RotorPy goes on without these two until it needs them)
         import torch  # noqa: PLC0415
+        import torchdiffeq  # noqa: F401, PLC0415
         from rotorpy.vehicles.crazyflie_params import quad_params  # noqa: PLC0415
         from rotorpy.vehicles.multirotor import BatchedMultirotor, BatchedMultirotorParams  # noqa: PLC0415
 
