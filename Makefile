@@ -1,7 +1,7 @@
 # make race     the shipped policies race: result table, race.png, and race.html to watch it in a browser
 # make test     every test
 # make sb3      installs Stable-Baselines3 with PyTorch, trains its PPO on the ring and measures it
-# make policies trains the shipped policies anew, three quarters of an hour on 2 cores
+# make policies trains the shipped policies anew, about an hour on 2 cores
 # make check    formatting, lint, types, import layers
 # make pictures draws the pictures of the README and of the replay page anew; needs Chromium
 # make peers    installs other libraries, in environments of their own, and times CRUISE beside them
@@ -82,8 +82,8 @@ policies: $(VENV)/.installed $(CELLS:%=runs/%/policy.json)
 # Of two seeds the one that flies best; and a dearer crash, of which four drones on the figure-eight have more.
 EXTRA.figure-eight-2 := --seed 2
 EXTRA.figure-eight-4 := --terminal -20
-# VEHICLE-TRACK: for fields of any size.
-# The second run goes on from the first on the last stage alone, in smaller steps.
+# VEHICLE-TRACK: for fields of any size, but racer-random, which is for a drone alone.
+# racer-ring goes on from racer-ring-first on the last stage alone, in smaller steps.
 TRAIN.racer-ring-first := --vehicle racer --track ring --drones 8 --step-scale 2.25
 TRAIN.racer-ring := --vehicle racer --track ring --drones 8 --step-scale 0.75 --vanilla \
     --start-from runs/racer-ring-first --learning-rate 3e-4 --final-learning-rate 3e-5

@@ -15,7 +15,7 @@ from brax.envs.base import Env, State
 from brax.training.agents.ppo import networks, train
 from jax import Array
 
-from benchmarks.environment import EPISODE_STEPS, TRACK
+from benchmarks.environment import COLLISION_DISTANCE, EPISODE_STEPS, TRACK
 from benchmarks.headline import DRONES
 from cruise.config import PPOConfig
 from cruise.env.race_env import make_race_env
@@ -39,7 +39,7 @@ class BraxRace(Env):
 
     def __init__(self, drones: int = DRONES) -> None:
         self.env = make_race_env(TRACKS[TRACK], drones, VEHICLES["paper"])
-        self.rules = jax.tree.map(jnp.asarray, stage_rules(CURRICULUM[-1], 0.4))
+        self.rules = jax.tree.map(jnp.asarray, stage_rules(CURRICULUM[-1], COLLISION_DISTANCE))
 
     def reset(self, rng: Array) -> State:
         state = self.env.reset(rng)

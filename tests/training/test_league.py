@@ -120,6 +120,11 @@ def test_a_policy_takes_a_free_place_then_that_of_the_most_beaten_but_never_a_fo
         np.testing.assert_array_equal(after.restart, np.asarray(state.restart) | anew)
 
 
+def test_a_league_of_founders_alone_takes_nobody_in():
+    state = tiny_trainer().initial_state()._replace(league=some_league([0.9] * PLACES))
+    assert bits(join(state, PLACES)) == bits(state)
+
+
 def test_the_beaten_share_counts_single_opponents_and_ties_by_half():
     gates = np.zeros((3, SHARES), int)
     gates[:, SEATS] = (5, 4, 5)  # one beaten, one even

@@ -110,6 +110,8 @@ def join(state: TrainState, founders: int) -> TrainState:
     """The active policy takes a free place, or that of the member who is beaten most often and is no founder."""
     league = state.league
     assert league is not None
+    if founders == len(league.joined):  # nobody ever leaves
+        return state
     places = jnp.arange(len(league.joined))
     drop = jnp.where(league.joined < 0, 2.0, league.beaten)
     place = jnp.argmax(jnp.where(places < founders, -1.0, drop))
