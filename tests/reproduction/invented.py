@@ -9,7 +9,7 @@ from cruise.reproduction.evidence import track_length
 from cruise.reproduction.learned import Cell
 from cruise.reproduction.plan import DUEL, ENTRANTS, Job, Scale, config_of, make_plan
 from cruise.reproduction.results import FORMAT, Curve, HeadToHead, Measured, Meeting, Origin, ResultFolder, StageResult
-from cruise.reproduction.work import settings_of
+from cruise.reproduction.settings import settings_of
 from cruise.storage.config_file import to_data
 
 # Success and speed of each kind; a drone's lap follows from its speed.

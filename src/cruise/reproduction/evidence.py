@@ -12,6 +12,7 @@ from cruise.racing.track_geometry import lap_length
 from cruise.reproduction.plan import KINDS, Job, Scale
 from cruise.reproduction.pooling import Summary, summarise, summarise_cells
 from cruise.reproduction.results import CELLS, MEETINGS, Cell, HeadToHead, ResultFolder
+from cruise.reproduction.settings import agree
 from cruise.storage.race_log import RaceLog, load_race_log
 
 Place = tuple[str, str, int]  # kind, track, drones
@@ -121,12 +122,11 @@ def mixed_settings(evidence: Evidence) -> list[str]:
     Track, drones and seed apart, and what the plan lets depend on them: the planner's style, the boldness of learning,
     the share of sparring partners.
     """
-    own = ("track", "drones", "seed", "checkpoint_seconds")
-    seen: dict[tuple[str, Any], list[dict[str, Any]]] = {}
+    first: dict[tuple[str, Any], dict[str, Any]] = {}
+    mixed = {}
     for cell in evidence.all_cells:
-        settings = {name: value for name, value in cell.config.items() if name not in own}
         planner, usual = KINDS[cell.kind].family == "planner", evidence.scale.base(cell.drones)
         group = (cell.kind, cell.track if planner else (usual.ppo, usual.opponents))
-        if settings not in seen.setdefault(group, []):
-            seen[group].append(settings)
-    return list(dict.fromkeys(kind for (kind, _), settings in seen.items() if len(settings) > 1))
+        if not agree(first.setdefault(group, cell.config), cell.config, apart=("track", "drones", "seed")):
+            mixed[cell.kind] = True
+    return list(mixed)

@@ -13,7 +13,8 @@ from cruise.reproduction.commands import train_command
 from cruise.reproduction.measure import FRESH, load_as, measure, thin_curve
 from cruise.reproduction.plan import DUEL, ENTRANTS, MIXED, Job, config_of
 from cruise.reproduction.results import FORMAT, Cell, Origin, StageResult
-from cruise.reproduction.work import Step, Work, settings_of
+from cruise.reproduction.settings import settings_of
+from cruise.reproduction.work import Step, Work
 from cruise.storage.atomic import read_bytes, write_atomically
 from cruise.training.session import CONFIG, Session, read_metrics
 from cruise.training.validation import check_config

@@ -12,7 +12,7 @@ from cruise.reproduction.evidence import Evidence
 from cruise.reproduction.plan import ABLATION_DRONES, KINDS
 from cruise.reproduction.pooling import Summary
 from cruise.reproduction.printed import FREE, SPEED_FACTOR, TABLES
-from cruise.reproduction.work import PLANNERS
+from cruise.reproduction.settings import PLANNERS
 
 NOT_YET = "Not run yet."
 

@@ -12,7 +12,8 @@ from cruise.reproduction.head_to_head import checksums, make_head_to_head
 from cruise.reproduction.learned import make_learned, make_planner
 from cruise.reproduction.plan import Family, Job
 from cruise.reproduction.results import Cell, HeadToHead
-from cruise.reproduction.work import Busy, Step, Work, is_current
+from cruise.reproduction.settings import is_current
+from cruise.reproduction.work import Busy, Step, Work
 
 State = Literal["done", "other settings", "broken", "not run"]
 
