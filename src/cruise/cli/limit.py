@@ -9,6 +9,7 @@ import tyro
 from cruise.cli.line_up import described
 from cruise.cli.outputs import check_output
 from cruise.errors import CruiseError
+from cruise.extras import import_extra
 from cruise.racing.track_file import load_one_track
 from cruise.vehicles import find_vehicle
 
@@ -39,7 +40,7 @@ class FindLimit:
         """Solve, print the lap and its splits, write the log."""
         check_output("--log", self.log, ".npz")
         track, vehicle = load_one_track(self.track), find_vehicle(self.vehicle)
-        _check_casadi()
+        import_extra("casadi", "limit", "the limit needs CasADi")
         from cruise.limit.lap import MAX_LAPS, find_limit  # noqa: PLC0415  (imports CasADi, and JAX with the rotors)
         from cruise.limit.log import limit_log  # noqa: PLC0415
 
@@ -51,13 +52,6 @@ class FindLimit:
             limit_log(limit, self.laps).save(self.log)
             print(f"log      {self.log}")
         return 0
-
-
-def _check_casadi() -> None:
-    try:
-        import casadi  # noqa: F401, PLC0415
-    except ImportError:
-        raise CruiseError("the limit needs CasADi: pip install 'cruise-racing[limit]'") from None
 
 
 def told(limit: "Limit") -> list[str]:

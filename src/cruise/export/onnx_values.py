@@ -1,24 +1,15 @@
 """Writes an ONNX graph as arithmetic: `Value`s are the results of nodes, operators on them add nodes."""
 
-import importlib
 from typing import Any, Union
 
 import numpy as np
 
-from cruise.errors import CruiseError
+from cruise.extras import import_extra
 
 OPSET = 17  # of the standard operators; every runtime since 2022 has it
 IR_VERSION = 8
 
 Operand = Union["Value", float, int, np.ndarray]
-
-
-def load_onnx() -> Any:
-    """The module onnx. Raises CruiseError where it is not installed."""
-    try:
-        return importlib.import_module("onnx")
-    except ImportError:
-        raise CruiseError("export to ONNX needs the onnx library: pip install 'cruise-racing[onnx]'") from None
 
 
 class Value:
@@ -60,7 +51,7 @@ class Graph:
 
     def __init__(self) -> None:
         """An empty graph."""
-        self.onnx = load_onnx()
+        self.onnx = import_extra("onnx", "onnx", "export to ONNX needs the onnx library")
         self.nodes: list[Any] = []
         self.constants: list[Any] = []
 

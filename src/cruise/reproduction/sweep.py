@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from cruise.errors import CruiseError, one_line
+from cruise.extras import import_extra
 from cruise.reproduction.plan import Job
 from cruise.reproduction.results import ResultFolder
 from cruise.reproduction.study import Event, run_jobs
@@ -54,7 +55,7 @@ def sweep(
     Raises:
         CruiseError: Ray is not installed, does not start, or has no machine with so many cores.
     """
-    ray = _import_ray()
+    ray = import_extra("ray", "ray", "a sweep needs Ray")
     cores = _start(ray, cluster)
     work = dataclasses.replace(work, folder=work.folder.absolute(), results=ResultFolder(work.results.path.absolute()))
 
@@ -81,14 +82,6 @@ def _as_they_end(ray: Any, running: dict[Any, Job]) -> Iterator[Event]:
             yield ray.get(ended)
         except ray.exceptions.RayError as error:
             yield Event(job, "failed", message=one_line(error, TOLD))
-
-
-def _import_ray() -> Any:
-    try:
-        import ray  # noqa: PLC0415  (an extra)
-    except ImportError:
-        raise CruiseError("a sweep needs Ray: pip install 'cruise-racing[ray]'") from None
-    return ray
 
 
 def _find(address: str) -> None:

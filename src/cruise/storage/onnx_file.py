@@ -1,6 +1,5 @@
 """Exported policies: an ONNX model with its contract in the metadata, and the pilot that flies it in onnxruntime."""
 
-import importlib
 import os
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,6 +8,7 @@ from typing import Any, Literal
 import numpy as np
 
 from cruise.errors import CruiseError, one_line
+from cruise.extras import import_extra
 from cruise.pilots.foreign import ForeignPilot
 from cruise.pilots.view import View
 from cruise.storage.atomic import read_bytes
@@ -114,10 +114,7 @@ def open_model(path: StrPath) -> Any:
 
 def load_runtime() -> Any:
     """The module onnxruntime. Raises CruiseError where it is not installed."""
-    try:
-        return importlib.import_module("onnxruntime")
-    except ImportError:
-        raise CruiseError("ONNX models need onnxruntime: pip install 'cruise-racing[onnx]'") from None
+    return import_extra("onnxruntime", "onnx", "ONNX models need onnxruntime")
 
 
 def _contract(session: Any, path: StrPath) -> Contract:

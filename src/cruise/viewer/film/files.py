@@ -6,11 +6,13 @@ import tempfile
 import warnings
 from collections.abc import Iterable, Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from PIL import Image
 
 from cruise.errors import CruiseError, one_line
+from cruise.extras import import_extra
 from cruise.storage.race_log import RaceLog
 from cruise.viewer.film import look
 from cruise.viewer.film.film import frames
@@ -70,15 +72,15 @@ def _shared_palette(picture: Image.Image, drones: int) -> Image.Image:
 
 def check_video() -> None:
     """Raises CruiseError where MP4 files cannot be made."""
-    try:
-        import imageio_ffmpeg  # noqa: F401, PLC0415
-    except ImportError:
-        raise CruiseError("--mp4 needs imageio-ffmpeg: pip install 'cruise-racing[video]'") from None
+    _load_ffmpeg()
+
+
+def _load_ffmpeg() -> Any:
+    return import_extra("imageio_ffmpeg", "video", "--mp4 needs imageio-ffmpeg")
 
 
 def draw_mp4(log: RaceLog, clip: Clip = None) -> bytes:
     """A film in H.264, which every browser plays."""
-    check_video()
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "race.mp4"
         _encode(path, frames(log, MP4_SIZE, MP4_RATE, clip))
@@ -86,10 +88,8 @@ def draw_mp4(log: RaceLog, clip: Clip = None) -> bytes:
 
 
 def _encode(path: Path, pictures: Iterable[Image.Image]) -> None:
-    import imageio_ffmpeg  # noqa: PLC0415
-
     options = ["-crf", "20", "-preset", "fast", "-movflags", "+faststart"]
-    writer: Iterator = imageio_ffmpeg.write_frames(
+    writer: Iterator = _load_ffmpeg().write_frames(
         str(path), MP4_SIZE, fps=MP4_RATE, codec="libx264", quality=None, output_params=options, macro_block_size=8
     )
     try:
