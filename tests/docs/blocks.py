@@ -71,7 +71,7 @@ def _toml(block: Block, folder: Path, names: dict) -> None:
 def _c(block: Block, folder: Path, names: dict) -> None:
     """The first line includes a header that a command before has written; the rest is the body of a function."""
     include, body = block.text.split("\n", 1)
-    program = f"{include}\nint main(void) {{\n{body}\nreturn acceleration_w[2] > 1e9f;\n}}\n"
+    program = f"{include}\nint main(void) {{\n{body}\nreturn command[0] > 1e9f;\n}}\n"
     (folder / "block.c").write_text(program)
     compiler = next(filter(None, map(shutil.which, ("cc", "gcc", "clang"))))
     subprocess.run([compiler, "-std=c99", "-Wall", "-Werror", "block.c", "-lm", "-o", "block"], cwd=folder, check=True)

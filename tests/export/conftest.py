@@ -10,15 +10,19 @@ from tests.storage.policies import meta
 
 KINDS = {
     "shipped": ("ring", 4, "extended"),
+    "agile": ("ring", 8, "body"),
+    "agile-alone": ("figure-eight", 1, "body"),
     "alone": ("figure-eight", 1, "extended"),
     "paper": ("figure-eight", 3, "paper"),
 }
+SHIPPED = {"shipped": "ring-4", "agile": "racer-ring", "agile-alone": "racer-random"}
+AGILE = ("agile", "agile-alone")
 
 
 def policy_of(kind):
     track, drones, observation = KINDS[kind]
-    if kind == "shipped":
-        return read_policy("ring-4")
+    if kind in SHIPPED:
+        return read_policy(SHIPPED[kind])
     params = loud_params(track=track, drones=drones, observation=observation)
     return Policy(meta(track, drones, observation, name=f"{kind} */ policy"), params)
 

@@ -7,7 +7,7 @@ from cruise.errors import CruiseError
 from cruise.export import c_harness
 from cruise.export.c_harness import compiler, run_header
 from cruise.export.c_header import c_header, literal, prefix_of
-from tests.export.conftest import KINDS, policy_of
+from tests.export.conftest import AGILE, KINDS, policy_of
 
 needs_compiler = pytest.mark.skipif(compiler() is None, reason="no C compiler here")
 
@@ -19,7 +19,9 @@ def test_the_compiled_header_does_as_the_policy(kind, exporters, tmp_path):
     header = c_header(exporter.policy, exporter.track, exporter.recording)
     run = run_header(header, prefix_of(exporter.policy), exporter.recording, tmp_path)
     assert np.abs(run.action - exporter.recording.outputs["action"]).max() <= 1e-5
-    np.testing.assert_allclose(run.acceleration_w, exporter.recording.outputs["acceleration_w"], atol=1e-4)
+    names = ("thrust", "body_rates_b") if kind in AGILE else ("acceleration_w",)
+    command = np.column_stack([exporter.recording.outputs[name] for name in names])
+    np.testing.assert_allclose(run.command, command, atol=1e-4)
     assert run.self_test <= 1e-5
 
 

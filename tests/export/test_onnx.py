@@ -7,14 +7,17 @@ import numpy as np
 import onnx
 import onnxruntime
 import pytest
+from scipy.spatial.transform import Rotation
 
 import cruise
 from cruise.errors import CruiseError
 from cruise.evaluation.pilot_choice import find_pilot, pilot_meta
 from cruise.export import files
 from cruise.presets import TRACKS
+from cruise.racing.track_file import load_track
 from cruise.storage.onnx_file import read_contract
 from cruise.storage.policy_file import save_policy
+from cruise.storage.race_log import EventKind
 from tests.export.conftest import KINDS, policy_of
 
 
@@ -33,10 +36,13 @@ def test_the_whole_pilot_from_raw_state_to_action(kind, exporters, models):
     session = onnxruntime.InferenceSession(models[kind, "state"])
     recording = exporters(kind).recording
     inputs = dict(recording.inputs, next_gate=recording.inputs["next_gate"].astype(np.int64))
-    action, acceleration = session.run(["action", "acceleration_w"], inputs)
+    names = [port.name for port in read_contract(models[kind, "state"]).outputs]
+    assert set(names) == set(recording.outputs)
+    action, *command = session.run(names, inputs)
     assert np.abs(action - recording.outputs["action"]).max() <= 1e-5
     assert (np.abs(recording.outputs["action"]) == 1).any()  # the clip is at work
-    np.testing.assert_allclose(acceleration, recording.outputs["acceleration_w"], atol=1e-4)
+    for name, values in zip(names[1:], command, strict=True):
+        np.testing.assert_allclose(values, recording.outputs[name], atol=1e-4)
     one = {name: value if name.startswith("gate_") else value[5:6] for name, value in inputs.items()}
     np.testing.assert_allclose(session.run(["action"], one)[0], action[5:6], atol=1e-6)
 
@@ -47,6 +53,52 @@ def test_the_bare_network(kind, exporters, models):
     recording = exporters(kind).recording
     (action,) = session.run(None, {"observation": recording.observation})
     assert np.abs(action - recording.network).max() <= 1e-5
+
+
+def agile_inputs(exporters, rows=slice(500)):
+    recording = exporters("agile").recording
+    inputs = dict(recording.inputs, next_gate=recording.inputs["next_gate"].astype(np.int64))
+    return {name: value if name.startswith("gate_") else value[rows] for name, value in inputs.items()}
+
+
+def test_a_quaternion_and_its_negative_are_one_attitude(exporters, models):
+    session = onnxruntime.InferenceSession(models["agile", "state"])
+    inputs = agile_inputs(exporters)
+    here, there = (session.run(["action"], inputs | {"attitude": sign * inputs["attitude"]})[0] for sign in (1, -1))
+    np.testing.assert_array_equal(here, there)
+
+
+def test_an_agile_pilot_takes_any_number_of_others_in_any_order(exporters, models):
+    """Three are seen: fewer are as if the rest had left the air, and more change nothing."""
+    session = onnxruntime.InferenceSession(models["agile", "state"])
+    inputs = agile_inputs(exporters)
+    names = [name for name in inputs if name.startswith("others_")]
+
+    def act(order, gone=()):
+        changed = {name: inputs[name][:, list(order)] for name in names}
+        changed["others_airborne"] = changed["others_airborne"].copy()
+        changed["others_airborne"][:, list(gone)] = False
+        return session.run(["action"], inputs | changed)[0]
+
+    everybody = act(range(7))
+    np.testing.assert_array_equal(everybody, act((3, 0, 6, 5, 1, 2, 4)))
+    np.testing.assert_array_equal(act((0, 1)), act(range(7), gone=range(2, 7)))
+    np.testing.assert_array_equal(act(()), act(range(7), gone=range(7)))
+    np.testing.assert_array_equal(everybody, act((*range(7), *range(7)), gone=range(7)))
+    assert np.abs(everybody - act(())).max() > 0.1
+
+
+def test_turned_about_the_vertical_an_agile_pilot_flies_the_same(exporters, models):
+    session = onnxruntime.InferenceSession(models["agile", "state"])
+    inputs = agile_inputs(exporters)
+    turn = Rotation.from_euler("z", 0.7)
+    moved = dict(inputs, gate_yaw=inputs["gate_yaw"] + np.float32(0.7))
+    attitude = (turn * Rotation.from_quat(np.roll(inputs["attitude"], -1, axis=1))).as_quat()
+    moved["attitude"] = np.roll(attitude, 1, axis=1).astype(np.float32)
+    for name in ("position_w", "velocity_w", "others_position_w", "others_velocity_w", "gate_position_w"):
+        moved[name] = (inputs[name] @ turn.as_matrix().T).astype(np.float32)
+    here, there = (session.run(["action"], values)[0] for values in (inputs, moved))
+    np.testing.assert_allclose(there, here, atol=2e-4)
 
 
 def test_gates_may_stand_elsewhere(exporters, models):
@@ -88,6 +140,15 @@ def test_the_contract_says_everything(models):
     assert model.opset_import[0].version <= 17
     read = read_contract(models["shipped", "state"])
     assert (read.policy.name, read.policy.drones, read.policy.track) == ("ring-4", 4, "ring")
+
+
+@pytest.mark.parametrize("interface", ["state", "observation"])
+def test_an_agile_file_flies_the_same_race_in_a_smaller_field(interface, models):
+    path = str(models["agile", interface])
+    flown, wanted = (cruise.race("ring", 2, pilot, laps=1, seed=2, vehicle="racer") for pilot in (path, "racer-ring"))
+    length = min(len(flown.time), len(wanted.time), 100)
+    np.testing.assert_allclose(flown.position_w[:length], wanted.position_w[:length], atol=2e-3)
+    assert not (flown.event_kind == EventKind.COLLISION_DRONE).any()
 
 
 @pytest.fixture(scope="module")
@@ -172,11 +233,16 @@ def test_nothing_is_written_where_the_model_does_something_else(exporters, tmp_p
 def test_policies_that_cannot_be_exported():
     shipped = policy_of("shipped")
     for change, message in (
-        ({"vehicle": "racer"}, "policy 'ring-4' flies vehicle 'racer'; only paper can be exported"),
-        ({"observation": "body"}, "policy 'ring-4' sees the observation 'body'; only extended, paper can be exported"),
+        (
+            {"vehicle": "racer"},
+            "policy 'ring-4' flies vehicle 'racer' by the observation 'extended'; exported can be body",
+        ),
+        ({"observation": "body"}, "vehicle 'paper' by the observation 'body'; exported can be extended and paper"),
         ({"drones": 2}, "reads 56 numbers, but the 'extended' observation has 38"),
     ):
         policy = dataclasses.replace(shipped, meta=dataclasses.replace(shipped.meta, **change))
         with pytest.raises(CruiseError) as error:
             files.Exporter.of(policy, TRACKS["ring"])
         assert message in str(error.value)
+    with pytest.raises(CruiseError, match=r"'random' is another track in every race: choose the one .* \(--track\)"):
+        files.Exporter.of(policy_of("agile-alone"), load_track("random"))

@@ -23,7 +23,7 @@ class Export:
     policy: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="NAME|PATH")]
     """A shipped policy, a .safetensors file or the folder of a run."""
     onnx: Annotated[Path | None, described("FILE")] = None
-    """Write an ONNX model: state of all drones and gates in, action in the world's frame out."""
+    """Write an ONNX model: state of all drones and gates in, action and what it commands out."""
     c: Annotated[Path | None, described("FILE")] = None
     """Write a C99 header that does the same, without any dependency."""
     network: bool = False

@@ -146,4 +146,14 @@ def _body(size: int) -> tuple[Entry, ...]:
     )
     felt = size - sum(one.size for one in seen)
     place = next(i for i, one in enumerate(seen) if one.name == "height")
-    return (*seen[:place], entry("felt", felt, "what the vehicle feels of itself", "", 1.0), *seen[place:])
+    return (*seen[:place], *(entry(*one) for one in _felt(felt)), *seen[place:])
+
+
+def _felt(size: int) -> tuple[tuple[str, int, str, str, float], ...]:
+    """What a vehicle feels of itself: of one flown by thrust and body rates it is known what that is."""
+    if size != 7:
+        return (("felt", size, "what the vehicle feels of itself", "", 1.0),)
+    return (
+        ("body_rates", 3, "roll, pitch and yaw rate over the highest that can be asked for", "", 1.0),
+        ("previous_action", 4, "the action one control step before", "", 1.0),
+    )

@@ -10,10 +10,10 @@ from typing import NamedTuple
 import numpy as np
 
 from cruise.errors import CruiseError
+from cruise.export.c_header import OWN
 from cruise.export.recording import Recording
 
 FLAGS = ("-std=c99", "-O2", "-Wall", "-Wextra", "-Werror", "-pedantic")
-OWN = ("position_w", "velocity_w", "euler", "angular_velocity_b", "previous_action")
 SECONDS = 0.3  # measured
 
 MAIN = """\
@@ -23,21 +23,23 @@ MAIN = """\
 #include <time.h>
 
 /* A row: own state, next gate, then position, velocity and presence of every other drone. */
+static const float *copy(float *into, const float *row, int size) {{
+    for (int i = 0; i < size; ++i) into[i] = row[i];
+    return row + size;
+}}
+
 static void read_row(const float *row, {p}_state *state) {{
-    for (int i = 0; i < 3; ++i) {{
-        state->position_w[i] = row[i];
-        state->velocity_w[i] = row[3 + i];
-        state->euler[i] = row[6 + i];
-        state->angular_velocity_b[i] = row[9 + i];
-        state->previous_action[i] = row[12 + i];
-    }}
-    state->next_gate = (int)row[15];
+    row = copy(state->position_w, row, 3);
+    row = copy(state->velocity_w, row, 3);
+    row = copy(state->{attitude}, row, {attitude_size});
+    row = copy(state->angular_velocity_b, row, 3);
+    row = copy(state->previous_action, row, {P}_ACTION);
+    state->next_gate = (int)*row++;
 #if {P}_OTHERS > 0
     for (int k = 0; k < {P}_OTHERS; ++k) {{
-        const float *other = row + 16 + 7 * k;
-        for (int i = 0; i < 3; ++i) state->others[k].position_w[i] = other[i];
-        for (int i = 0; i < 3; ++i) state->others[k].velocity_w[i] = other[3 + i];
-        state->others[k].airborne = other[6] > 0.0f;
+        row = copy(state->others[k].position_w, row, 3);
+        row = copy(state->others[k].velocity_w, row, 3);
+        state->others[k].airborne = *row++ > 0.0f;
     }}
 #endif
 }}
@@ -45,15 +47,15 @@ static void read_row(const float *row, {p}_state *state) {{
 int main(int argc, char **argv) {{
     const size_t count = (size_t)atol(argv[1]);
     const double seconds = argc > 2 ? atof(argv[2]) : 0.0;
-    float row[16 + 7 * {P}_OTHERS], result[6];
+    float row[10 + {attitude_size} + {P}_ACTION + 7 * {P}_OTHERS], result[{P}_ACTION + {command_size}];
     {p}_state *states = calloc(count, sizeof *states);
     if (states == NULL) return 1;
     for (size_t k = 0; k < count; ++k) {{
         if (fread(row, sizeof row, 1, stdin) != 1) return 1;
         read_row(row, &states[k]);
         {p}_act(&states[k], {p}_gates, {P}_GATES);
-        for (int i = 0; i < 3; ++i) result[i] = states[k].action[i];
-        {p}_acceleration(&states[k], result + 3);
+        copy(result, states[k].action, {P}_ACTION);
+        {p}_{command}(&states[k], result + {P}_ACTION);
         if (fwrite(result, sizeof result, 1, stdout) != 1) return 1;
     }}
     if (seconds > 0.0) {{
@@ -70,13 +72,15 @@ int main(int argc, char **argv) {{
     return 0;
 }}
 """
+BY_ACCELERATION = {"attitude": "euler", "attitude_size": 3, "command": "acceleration", "command_size": 3}
+BY_THRUST_AND_RATES = {"attitude": "attitude", "attitude_size": 4, "command": "command", "command_size": 4}
 
 
 class CRun(NamedTuple):
     """What the compiled header gave for a recording."""
 
-    action: np.ndarray  # [M, 3]
-    acceleration_w: np.ndarray  # [M, 3]
+    action: np.ndarray  # [M, A]
+    command: np.ndarray  # [M, 3] acceleration in the world, or [M, 4] thrust per mass and body rates
     self_test: float  # largest difference that it finds itself
     seconds_per_call: float | None  # where it was measured
 
@@ -93,7 +97,8 @@ def run_header(header: str, prefix: str, recording: Recording, folder: Path, mea
     Raises:
         CruiseError: there is no compiler, or it does not take the header.
     """
-    program = _compile(header, prefix, folder)
+    flown = BY_THRUST_AND_RATES if "attitude" in recording.inputs else BY_ACCELERATION
+    program = _compile(header, MAIN.format(p=prefix, P=prefix.upper(), **flown), folder)
     rows = input_rows(recording)
     seconds = [str(SECONDS)] if measure else []
     done = subprocess.run(
@@ -101,17 +106,18 @@ def run_header(header: str, prefix: str, recording: Recording, folder: Path, mea
     )
     if done.returncode:
         raise CruiseError(f"the compiled header ended with {done.returncode}")
-    result = np.frombuffer(done.stdout, np.float32).reshape(-1, 6)
+    result = np.frombuffer(done.stdout, np.float32).reshape(len(rows), -1)
+    size = recording.outputs["action"].shape[1]
     *took, self_test = (float(word) for word in done.stderr.split())
-    return CRun(result[:, :3], result[:, 3:], self_test, took[0] if took else None)
+    return CRun(result[:, :size], result[:, size:], self_test, took[0] if took else None)
 
 
-def _compile(header: str, prefix: str, folder: Path) -> Path:
+def _compile(header: str, main: str, folder: Path) -> Path:
     cc = compiler()
     if cc is None:
         raise CruiseError("no C compiler found: name one with the variable CC")
     (folder / "policy.h").write_text(header, encoding="utf-8")
-    (folder / "main.c").write_text(MAIN.format(p=prefix, P=prefix.upper()), encoding="utf-8")
+    (folder / "main.c").write_text(main, encoding="utf-8")
     program = folder / "main"
     command = [*shlex.split(cc), *FLAGS, "main.c", "-o", program.name, "-lm"]
     try:
@@ -126,7 +132,8 @@ def _compile(header: str, prefix: str, folder: Path) -> Path:
 def input_rows(recording: Recording) -> np.ndarray:
     """[M, R] float32, as the harness reads them."""
     inputs = recording.inputs
-    columns = [*(inputs[name] for name in OWN), inputs["next_gate"][:, None]]
+    own = [name for name in OWN if name in inputs]
+    columns = [*(inputs[name] for name in own), inputs["previous_action"], inputs["next_gate"][:, None]]
     if "others_position_w" in inputs:
         each = (inputs["others_position_w"], inputs["others_velocity_w"], inputs["others_airborne"][:, :, None])
         others = np.concatenate(each, axis=2)

@@ -3,6 +3,7 @@
 import re
 from importlib import resources
 from string import Template
+from typing import Any
 
 import numpy as np
 
@@ -10,17 +11,22 @@ from cruise import __version__
 from cruise.config import Track
 from cruise.dynamics import cascade
 from cruise.env import observation as env
+from cruise.env import observation_body as body
+from cruise.export.ports import airframe_of
 from cruise.export.recording import Recording
 from cruise.pilots.network import Perceptron
 from cruise.presets import VEHICLES
-from cruise.storage.policy_file import Policy
+from cruise.storage.onnx_file import first_action
+from cruise.storage.policy_file import Policy, PolicyMeta
 
+OWN = ("position_w", "velocity_w", "euler", "attitude", "angular_velocity_b")  # of a state, where a vehicle has it
 SAMPLES = 8  # of recorded flight, for the self test
 PER_LINE = 8
 
 SEES = {
     "extended": "its own flight, three gates and the others, in the frame of the target gate",
     "paper": "the state vector of the CRUISE paper",
+    "body": "two gates, its own flight and the nearest others, in the frame of its body",
 }
 TO_WORLD = """\
     const float c = cosf(gates[state->next_gate].yaw), s = sinf(gates[state->next_gate].yaw);
@@ -31,6 +37,7 @@ SCALES = (
     *("DISTANCE_MAX", "SPEED_MAX", "EPSILON", "GATE_RANGE", "OPPONENT_RANGE", "SPEED_RANGE", "HEIGHT_RANGE"),
     *("LOOK_AHEAD", "MIN_CLOSING_SPEED", "LIMIT", "ABSENT", "NOTICE"),
 )
+BODY_SCALES = ("CORNER_RANGE", "SPEED_RANGE", "HEIGHT_RANGE", "OPPONENT_RANGE", "LIMIT", "NEAREST", "GATES_AHEAD")
 
 
 def prefix_of(policy: Policy) -> str:
@@ -41,36 +48,75 @@ def prefix_of(policy: Policy) -> str:
 
 def c_header(policy: Policy, track: Track, recording: Recording) -> str:
     """The header's text. `recording` gives the samples of its self test."""
-    meta, vehicle = policy.meta, VEHICLES[policy.meta.vehicle]
+    meta = policy.meta
     prefix = prefix_of(policy)
-    names = {"p": prefix, "P": prefix.upper()}
-    scales = {name: literal(getattr(env, name)) for name in SCALES}
-    scales |= {name: literal(getattr(cascade, name)) for name in ("RATE_SCALE", "AGILITY_SCALE")}
-    gains = {name: literal(value) for name, value in vars(vehicle.controller).items()}
     rows = sample_rows(recording, meta.drones)
-    return _template("policy.h.in").substitute(
-        names,
-        **gains,
-        title=_comment(meta.name),
-        version=__version__,
-        track=_comment(meta.track),
-        steps=f"{meta.steps:,}",
-        seed=meta.seed,
-        kind=SEES[meta.observation],
-        drones=meta.drones,
-        others=meta.drones - 1,
-        gates=len(track.gates),
-        observation=policy.params.actor.layers[0].in_features,
-        control_dt=literal(vehicle.control_dt),
-        agility=literal(meta.agility),
-        gate_rows="\n".join(f"    {{{braces(gate.position_w)}, {literal(gate.yaw)}}}," for gate in track.gates),
-        weights=_weights(policy.params.actor, prefix),
-        network=_network(policy.params.actor, prefix),
-        observe=_template(f"observe_{meta.observation}.h.in").substitute(names, **scales).rstrip(),
-        decode=TO_WORLD if meta.observation == "extended" else "    (void)gates;",
-        samples=len(rows),
-        sample_rows="\n".join(rows),
-    )
+    words = {
+        "p": prefix,
+        "P": prefix.upper(),
+        "title": _comment(meta.name),
+        "version": __version__,
+        "track": _comment(meta.track),
+        "steps": f"{meta.steps:,}",
+        "seed": meta.seed,
+        "kind": SEES[meta.observation],
+        "drones": meta.drones,
+        "others": meta.drones - 1,
+        "gates": len(track.gates),
+        "observation": policy.params.actor.layers[0].in_features,
+        "action": policy.params.actor.layers[-1].out_features,
+        "control_dt": literal(VEHICLES[meta.vehicle].control_dt),
+        "agility": literal(meta.agility),
+        "weights": _weights(policy.params.actor, prefix),
+        "network": _network(policy.params.actor, prefix),
+        "samples": len(rows),
+        "sample_rows": "\n".join(rows),
+    }
+    words |= (_by_acceleration if airframe_of(meta) is None else _by_thrust_and_rates)(meta, track)
+    parts = {"about": f"about_{words['flown']}", "command": f"command_{words['flown']}"}
+    parts["observe"] = f"observe_{meta.observation}"
+    filled = {name: _template(f"{part}.h.in").substitute(words).rstrip() for name, part in parts.items()}
+    return _template("policy.h.in").substitute(words | filled)
+
+
+def _by_acceleration(meta: PolicyMeta, track: Track) -> dict[str, Any]:
+    """What is the paper's vehicle's own."""
+    gains = vars(VEHICLES[meta.vehicle].controller)
+    scales = {name: getattr(env, name) for name in SCALES}
+    scales |= {name: getattr(cascade, name) for name in ("RATE_SCALE", "AGILITY_SCALE")}
+    return {name: literal(value) for name, value in (gains | scales).items()} | {
+        "flown": "acceleration",
+        "frame": "world",
+        "order": "own number + 1 first and around",
+        "attitude": "    float euler[3];              /* roll, pitch, yaw [rad] */",
+        "gate_size": "",
+        "gate_rows": "\n".join(f"    {{{braces(gate.position_w)}, {literal(gate.yaw)}}}," for gate in track.gates),
+        "decode": TO_WORLD if meta.observation == "extended" else "    (void)gates;",
+    }
+
+
+def _by_thrust_and_rates(meta: PolicyMeta, track: Track) -> dict[str, Any]:
+    """What belongs to a vehicle that is flown by thrust and body rates."""
+    vehicle, airframe = VEHICLES[meta.vehicle], airframe_of(meta)
+    assert airframe is not None
+    scales = {name: getattr(body, name) for name in BODY_SCALES}
+    return {name: literal(value) if isinstance(value, float) else value for name, value in scales.items()} | {
+        "flown": "ctbr",
+        "frame": "collective thrust and body rates",
+        "order": "in any order; airborne = 0 where there are fewer",
+        "attitude": "    float attitude[4];           /* unit quaternion (w, x, y, z), body to world */",
+        "gate_size": "    float size[2];       /* width and height of the opening [m] */\n",
+        "gate_rows": "\n".join(
+            f"    {{{braces(gate.position_w)}, {literal(gate.yaw)}, {braces((gate.width, gate.height))}}},"
+            for gate in track.gates
+        ),
+        "decode": "    (void)gates;",
+        "highest_rates": braces(airframe.rates.highest),
+        "hovering": braces(first_action(meta)),
+        "vehicle": vehicle.name,
+        "mass": f"{vehicle.mass:g}",
+        "thrust_to_weight": f"{meta.agility / vehicle.gravity:.3g}",
+    }
 
 
 def _template(name: str) -> Template:
@@ -129,7 +175,7 @@ def sample_rows(recording: Recording, drones: int) -> list[str]:
 def state_initialiser(recording: Recording, row: int, drones: int) -> str:
     """One recorded state."""
     inputs = recording.inputs
-    own = ("position_w", "velocity_w", "euler", "angular_velocity_b")
+    own = [name for name in OWN if name in inputs]
     fields = [f".{name} = {braces(inputs[name][row])}" for name in own]
     fields.append(f".next_gate = {int(inputs['next_gate'][row])}")
     if drones > 1:

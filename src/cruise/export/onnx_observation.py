@@ -1,34 +1,16 @@
-"""The observations of `cruise.env.observation` as ONNX nodes, from the state in SI units. Batch axis B leads."""
-
-from dataclasses import dataclass
+"""The observations of the paper's vehicle as ONNX nodes, from the state in SI units. Batch axis B leads."""
 
 import numpy as np
 
 from cruise.dynamics.cascade import AGILITY_SCALE, RATE_SCALE
 from cruise.env import observation as env
+from cruise.export.onnx_state import StateInputs, gate_ahead, heading_of, nearest_first, pick
 from cruise.export.onnx_values import Graph, Value
-
-
-@dataclass(frozen=True)
-class StateInputs:
-    """What the graph is fed with; see `cruise.export.contract.state_ports`."""
-
-    position: Value  # [B, 3]
-    velocity: Value
-    euler: Value
-    rates: Value
-    previous_action: Value
-    next_gate: Value  # [B]
-    gates: Value  # [G, 3]
-    gate_yaw: Value  # [G]
-    others_position: Value | None = None  # [B, N-1, 3]
-    others_velocity: Value | None = None
-    others_airborne: Value | None = None  # [B, N-1]
 
 
 def gate_rotation(g: Graph, state: StateInputs) -> Value:
     """[B, 3, 3] turns world vectors, as rows, into the frame of the target gate."""
-    yaw = g.expand(g.node("Gather", state.gate_yaw, state.next_gate, kind=np.float32), 1)
+    yaw = heading_of(g, state, state.next_gate)
     cos, sin = g.node("Cos", yaw), g.node("Sin", yaw)
     zero = cos * 0.0
     return g.shaped(g.join([cos, -sin, zero, sin, cos, zero, zero, zero, zero + 1.0]), -1, 3, 3)
@@ -42,9 +24,9 @@ def rotated(g: Graph, vectors: list[Value], rotation: Value) -> list[Value]:
 
 def extended(g: Graph, state: StateInputs, agility: float) -> Value:
     """[B, O] as `cruise.env.observation.extended_observation`; the vehicle is the paper's."""
-    gates = [state.next_gate, *(_gate_ahead(g, state, ahead) for ahead in (1, 2))]
-    target, second, third = (g.node("Gather", state.gates, gate, kind=np.float32) for gate in gates)
-    next_yaw = g.expand(g.node("Gather", state.gate_yaw, gates[1], kind=np.float32), 1)
+    gates = [state.next_gate, *(gate_ahead(g, state, ahead) for ahead in (1, 2))]
+    target, second, third = (pick(g, state.gates, gate) for gate in gates)
+    next_yaw = heading_of(g, state, gates[1])
     next_normal = g.join([g.node("Cos", next_yaw), g.node("Sin", next_yaw), next_yaw * 0.0])
     rotation = gate_rotation(g, state)
     world = [state.position - target, second - target, third - second, next_normal, state.velocity, *_felt(g, state)]
@@ -71,13 +53,9 @@ def extended(g: Graph, state: StateInputs, agility: float) -> Value:
     return g.clip(g.join(parts), -env.LIMIT, env.LIMIT)
 
 
-def _gate_ahead(g: Graph, state: StateInputs, ahead: int) -> Value:
-    count = g.node("Squeeze", g.node("Shape", state.gate_yaw, kind=np.int64))
-    return g.node("Mod", state.next_gate + ahead, count)
-
-
 def _felt(g: Graph, state: StateInputs) -> list[Value]:
     """Thrust axis, rates turned level by the yaw, previous action; in the world."""
+    assert state.euler is not None
     roll, pitch, yaw = (g.part(state.euler, i, i + 1) for i in range(3))
     (sin_r, cos_r), (sin_p, cos_p), (sin_y, cos_y) = ((g.node("Sin", a), g.node("Cos", a)) for a in (roll, pitch, yaw))
     thrust = g.join([cos_y * sin_p * cos_r + sin_y * sin_r, sin_y * sin_p * cos_r - cos_y * sin_r, cos_p * cos_r])
@@ -110,17 +88,16 @@ def _nearest_first(g: Graph, state: StateInputs, rotation: Value) -> Value:
     features = noticed * g.clip(features, -env.LIMIT, env.LIMIT)
     seen = g.node("Where", here, features, 0.0 * features, kind=np.float32)
     ranked = g.node("Where", here, separation, 0.0 * separation + env.ABSENT, kind=np.float32)
-    count = g.part(g.node("Shape", seen, kind=np.int64), 1, 2, axis=0)
-    _, order = g.nodes_of("TopK", ranked, count, outputs=2, axis=1, largest=0, sorted=1)
-    order = g.node("Expand", Value(g, order.name, np.int64), g.node("Shape", seen, kind=np.int64))
-    return g.shaped(g.node("GatherElements", seen, order, axis=1), 0, -1)
+    everybody = g.part(g.node("Shape", seen, kind=np.int64), 1, 2, axis=0)
+    return g.shaped(nearest_first(g, ranked, seen, everybody), 0, -1)
 
 
 def paper(g: Graph, state: StateInputs, num_gates: int) -> Value:
     """[B, O] as `cruise.env.observation.paper_observation`."""
-    to_gate = g.node("Gather", state.gates, state.next_gate, kind=np.float32) - state.position
+    assert state.euler is not None
+    to_gate = pick(g, state.gates, state.next_gate) - state.position
     distance = g.norm(to_gate)
-    turned = g.part(state.euler, 2, 3) - g.expand(g.node("Gather", state.gate_yaw, state.next_gate, kind=np.float32), 1)
+    turned = g.part(state.euler, 2, 3) - heading_of(g, state, state.next_gate)
     numbers = g.constant(np.arange(num_gates, dtype=np.int64)[None])
     one_hot = g.node("Cast", g.node("Equal", g.expand(state.next_gate, 1), numbers), kind=np.float32, to=1)
     parts = [

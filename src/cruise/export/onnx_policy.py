@@ -1,4 +1,4 @@
-"""A policy as an ONNX model: from the state in SI units to the action in the world, or the bare network."""
+"""A policy as an ONNX model: from the state in SI units to the action, or the bare network."""
 
 from typing import Any
 
@@ -7,21 +7,15 @@ import numpy as np
 from cruise import __version__
 from cruise.config import CascadeGains
 from cruise.export import onnx_observation as build
+from cruise.export.onnx_body import body, command
+from cruise.export.onnx_state import StateInputs, inputs_of
 from cruise.export.onnx_values import IR_VERSION, OPSET, Graph, Value
+from cruise.export.ports import airframe_of
 from cruise.pilots.network import Perceptron
 from cruise.presets import VEHICLES
 from cruise.storage.config_file import to_json
 from cruise.storage.onnx_file import METADATA, Contract, Port
 from cruise.storage.policy_file import Policy
-
-FEEDS = {
-    "position": "position_w",
-    "velocity": "velocity_w",
-    "rates": "angular_velocity_b",
-    "gates": "gate_position_w",
-    "others_position": "others_position_w",
-    "others_velocity": "others_velocity_w",
-}  # fields of `StateInputs` that are called otherwise outside
 
 
 def onnx_model(policy: Policy, contract: Contract) -> bytes:
@@ -66,9 +60,14 @@ def _network(g: Graph, x: Value, network: Perceptron, name: str | None = None) -
 
 
 def _whole(g: Graph, ports: dict[str, Value], policy: Policy, num_gates: int) -> None:
-    meta = policy.meta
-    names = {field: FEEDS.get(field, field) for field in build.StateInputs.__dataclass_fields__}
-    state = build.StateInputs(**{field: ports[name] for field, name in names.items() if name in ports})
+    state, meta, airframe = inputs_of(ports), policy.meta, airframe_of(policy.meta)
+    if airframe is not None:
+        spoken = _network(g, body(g, state, airframe), policy.params.actor)
+        action = g.name(g.clip(spoken, -1.0, 1.0), "action")
+        thrust, rates = command(g, action, airframe, meta.agility)
+        g.name(thrust, "thrust")
+        g.name(rates, "body_rates_b")
+        return
     if meta.observation == "paper":
         spoken = _network(g, build.paper(g, state, num_gates), policy.params.actor)
     else:
@@ -76,15 +75,15 @@ def _whole(g: Graph, ports: dict[str, Value], policy: Policy, num_gates: int) ->
         spoken = g.squeeze(g.expand(spoken, 1) @ _transposed(g, build.gate_rotation(g, state)), 1)
     action = g.name(g.clip(spoken, -1.0, 1.0), "action")
     vehicle = VEHICLES[meta.vehicle]
-    command = _commanded(g, action, state, vehicle.controller, meta.agility * vehicle.control_dt)
-    g.name(command, "acceleration_w")
+    wanted = _commanded(g, action, state, vehicle.controller, meta.agility * vehicle.control_dt)
+    g.name(wanted, "acceleration_w")
 
 
 def _transposed(g: Graph, matrices: Value) -> Value:
     return g.node("Transpose", matrices, perm=[0, 2, 1])
 
 
-def _commanded(g: Graph, action: Value, state: build.StateInputs, gains: CascadeGains, error: float) -> Value:
+def _commanded(g: Graph, action: Value, state: StateInputs, gains: CascadeGains, error: float) -> Value:
     """`cruise.dynamics.cascade.commanded_acceleration`; `error` is that of velocity for an action of 1."""
     change = action - g.clip(state.previous_action, -1.0, 1.0)
     desired = action * (gains.velocity_p * error) + change * (gains.velocity_d * error)

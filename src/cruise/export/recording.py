@@ -8,7 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from cruise.config import Vehicle
 from cruise.dynamics.cascade import commanded_acceleration, velocity_error
+from cruise.dynamics.quadrotor import Memory, setpoint
 from cruise.env.race_env import RaceEnv
 from cruise.env.types import RaceState
 from cruise.pilots.neural import NeuralPilot
@@ -35,17 +37,19 @@ def record(env: RaceEnv, pilot: NeuralPilot, seed: int = 0) -> Recording:
     rows = np.asarray(airborne).reshape(-1)
     flat = {name: np.asarray(value).reshape(-1, *value.shape[3:])[rows] for name, value in (seen | wanted).items()}
     inputs = {name: flat[name] for name in seen if name in flat}
-    inputs |= {name: np.asarray(value) for name, value in _gates(env.course).items()}
+    inputs |= {name: np.asarray(value) for name, value in _gates(env.course, pilot.vehicle).items()}
     return Recording(
         inputs,
-        {name: flat[name] for name in ("action", "acceleration_w")},
+        {name: flat[name] for name in wanted if name not in ("observation", "network")},
         flat["observation"],
         flat["network"],
     )
 
 
-def _gates(course: Course) -> dict[str, Array]:
-    return {"gate_position_w": course.position_w.T, "gate_yaw": jnp.arctan2(course.normal_w[1], course.normal_w[0])}
+def _gates(course: Course, vehicle: str) -> dict[str, Array]:
+    yaw = jnp.arctan2(course.normal_w[1], course.normal_w[0])
+    placed = {"gate_position_w": course.position_w.T, "gate_yaw": yaw}
+    return placed | ({} if VEHICLES[vehicle].airframe is None else {"gate_size": 2 * course.half_size.T})
 
 
 def _fly(env: RaceEnv, pilot: NeuralPilot, key: Array) -> tuple[dict[str, Array], dict[str, Array], Array]:
@@ -58,21 +62,34 @@ def _fly(env: RaceEnv, pilot: NeuralPilot, key: Array) -> tuple[dict[str, Array]
         state, previous = carry
         observation = env.observe_as[pilot.observation](state)
         _, action = pilot.act(env, everyone, (), state, key)
-        body = state.drones.body
-        error, error_before = (velocity_error(a, pilot.agility, vehicle.control_dt) for a in (action, previous))
         wanted = {
             "observation": observation,
             "network": pilot.params.mean_action(observation),
             "action": action,
-            "acceleration_w": commanded_acceleration(vehicle, error, error_before, body.velocity_w),
-        }
+        } | _command(vehicle, pilot.agility, state, action, previous)
         after, _ = env.step(state, action, rules)
         kept = (_seen(state, previous), jax.tree.map(_users, wanted), state.airborne.T)
         return (after, action), kept
 
     start = _some_absent(env.reset(key, (RACES,)))
-    rest = jnp.zeros((env.dynamics.action_size, env.num_drones, RACES))
-    return jax.lax.scan(step, (start, rest), length=STEPS)[1]
+    return jax.lax.scan(step, (start, _first_action(env, start)), length=STEPS)[1]
+
+
+def _first_action(env: RaceEnv, start: RaceState) -> Array:
+    """What counts as the action before the first: the one that hovers, or none at all."""
+    memory = start.drones.memory
+    if isinstance(memory, Memory):
+        return memory.commands[0]
+    return jnp.zeros((env.dynamics.action_size, env.num_drones, RACES))
+
+
+def _command(vehicle: Vehicle, agility: float, state: RaceState, action: Array, previous: Array) -> dict[str, Array]:
+    """What the vehicle's loops make of an action."""
+    if vehicle.airframe is not None:
+        asked = setpoint(vehicle.airframe, action, agility)
+        return {"thrust": asked.thrust, "body_rates_b": jnp.stack(list(asked.rates_b))}
+    error, before = (velocity_error(a, agility, vehicle.control_dt) for a in (action, previous))
+    return {"acceleration_w": commanded_acceleration(vehicle, error, before, state.drones.velocity_w)}
 
 
 def _some_absent(state: RaceState) -> RaceState:
@@ -108,5 +125,5 @@ def _seen(state: RaceState, previous: Array) -> dict[str, Array]:
 
 
 def _users(values: Array) -> Array:
-    """[C, N, E] -> [E, N, C]."""
+    """[C, N, E] -> [E, N, C], and [N, E] -> [E, N]."""
     return values.T

@@ -6,11 +6,14 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
+from cruise.env.observation import FOR_ANY_FIELD
 from cruise.errors import CruiseError, one_line
 from cruise.extras import import_extra
 from cruise.pilots.foreign import ForeignPilot
 from cruise.pilots.view import View
+from cruise.presets import VEHICLES
 from cruise.storage.atomic import read_bytes
 from cruise.storage.config_file import from_json
 from cruise.storage.policy_file import PolicyMeta
@@ -160,7 +163,7 @@ class _Network:
 
     def _check_field(self, view: View) -> None:
         drones = view.others_position_w.shape[1] + 1
-        if drones != self.meta.drones:
+        if self.meta.observation not in FOR_ANY_FIELD and drones != self.meta.drones:
             raise CruiseError(
                 f"policy {self.meta.name!r} was trained for races of {self.meta.drones} drones, this race has {drones}"
             )
@@ -173,22 +176,29 @@ class _Whole(_Network):
         """Nothing was commanded yet."""
         super().__init__(session, meta, path)
         self.takes = {port.name for port in session.get_inputs()}
-        self.previous: np.ndarray | None = None
+        self.first = np.array(first_action(meta), np.float32)
+        self.previous = self.first
 
     def act_batch(self, view: View) -> np.ndarray:
-        """Actions [M, A] in the world's frame."""
+        """Actions [M, A] in the vehicle's own frame."""
         self._check_field(view)
-        if self.previous is None:
-            self.previous = np.zeros_like(view.position_w, np.float32)
-        self.previous = np.where(np.asarray(view.time)[:, None] > 0, self.previous, np.float32(0.0))
+        self.previous = np.where(np.asarray(view.time)[:, None] > 0, self.previous, self.first)
         floats = ("position_w", "velocity_w", "euler", "angular_velocity_b", "others_position_w", "others_velocity_w")
         inputs = {name: getattr(view, name).astype(np.float32) for name in floats}
         inputs |= {
+            "attitude": np.roll(Rotation.from_matrix(view.rotation_wb).as_quat(), 1, axis=-1).astype(np.float32),
             "previous_action": self.previous,
             "next_gate": np.asarray(view.next_gate, np.int64),
             "others_airborne": view.others_airborne,
             "gate_position_w": view.gates.position_w.astype(np.float32),
             "gate_yaw": view.gates.yaw.astype(np.float32),
+            "gate_size": np.stack([view.gates.width, view.gates.height], axis=1).astype(np.float32),
         }
         self.previous = self._run({name: value for name, value in inputs.items() if name in self.takes})
         return self.previous
+
+
+def first_action(meta: PolicyMeta) -> tuple[float, ...]:
+    """What counts as the action before the first: the one that hovers, or none at all."""
+    vehicle = VEHICLES[meta.vehicle]
+    return (0.0,) * 3 if vehicle.airframe is None else (2 * vehicle.gravity / meta.agility - 1, 0.0, 0.0, 0.0)
