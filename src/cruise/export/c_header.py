@@ -48,10 +48,22 @@ def prefix_of(policy: Policy) -> str:
 
 def c_header(policy: Policy, track: Track, recording: Recording) -> str:
     """The header's text. `recording` gives the samples of its self test."""
-    meta = policy.meta
-    prefix = prefix_of(policy)
+    own = _by_acceleration if airframe_of(policy.meta) is None else _by_thrust_and_rates
+    words = _common(policy, track, recording) | own(policy.meta, track)
+    parts = {
+        "about": f"about_{words['flown']}",
+        "observe": f"observe_{policy.meta.observation}",
+        "command": f"command_{words['flown']}",
+    }
+    filled = {name: _template(f"{part}.h.in").substitute(words).rstrip() for name, part in parts.items()}
+    return _template("policy.h.in").substitute(words | filled)
+
+
+def _common(policy: Policy, track: Track, recording: Recording) -> dict[str, Any]:
+    """What every header says."""
+    meta, prefix, network = policy.meta, prefix_of(policy), policy.params.actor
     rows = sample_rows(recording, meta.drones)
-    words = {
+    return {
         "p": prefix,
         "P": prefix.upper(),
         "title": _comment(meta.name),
@@ -63,20 +75,15 @@ def c_header(policy: Policy, track: Track, recording: Recording) -> str:
         "drones": meta.drones,
         "others": meta.drones - 1,
         "gates": len(track.gates),
-        "observation": policy.params.actor.layers[0].in_features,
-        "action": policy.params.actor.layers[-1].out_features,
+        "observation": network.layers[0].in_features,
+        "action": network.layers[-1].out_features,
         "control_dt": literal(VEHICLES[meta.vehicle].control_dt),
         "agility": literal(meta.agility),
-        "weights": _weights(policy.params.actor, prefix),
-        "network": _network(policy.params.actor, prefix),
+        "weights": _weights(network, prefix),
+        "network": _network(network, prefix),
         "samples": len(rows),
         "sample_rows": "\n".join(rows),
     }
-    words |= (_by_acceleration if airframe_of(meta) is None else _by_thrust_and_rates)(meta, track)
-    parts = {"about": f"about_{words['flown']}", "command": f"command_{words['flown']}"}
-    parts["observe"] = f"observe_{meta.observation}"
-    filled = {name: _template(f"{part}.h.in").substitute(words).rstrip() for name, part in parts.items()}
-    return _template("policy.h.in").substitute(words | filled)
 
 
 def _by_acceleration(meta: PolicyMeta, track: Track) -> dict[str, Any]:

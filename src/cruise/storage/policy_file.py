@@ -164,7 +164,8 @@ def list_policies() -> dict[str, PolicyMeta]:
 def shipped_name(track: str, drones: int, vehicle: str = "paper") -> str:
     """Name of the shipped policy of a track and a vehicle: `TRACK-DRONES` for the paper's, `VEHICLE-TRACK` for others.
 
-    For a drone alone on a track for which there is none it is the one trained on random tracks.
+    For a drone alone on a track for which there is none it is the one trained on random tracks. One that was trained
+    alone is for a drone alone: it has met nobody.
 
     Raises:
         CruiseError: there is none; it names those there are.
@@ -172,7 +173,8 @@ def shipped_name(track: str, drones: int, vehicle: str = "paper") -> str:
     names = [f"{track}-{drones}" if vehicle == "paper" else f"{vehicle}-{track}"]
     if drones == 1:
         names.append(f"{vehicle}-{RANDOM}")
-    name = next((name for name in names if _with(SHIPPED / name, ".json").is_file()), None)
+    there = [name for name in names if _with(SHIPPED / name, ".json").is_file()]
+    name = next((name for name in there if drones == 1 or read_meta(name).drones > 1), None)
     if name is None:
         known = ", ".join(list_policies()) or "none"
         raise CruiseError(
