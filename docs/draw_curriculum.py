@@ -13,7 +13,7 @@ from cruise.report.paths_figure import gate_corners
 from cruise.report.race_scene import style
 from cruise.storage.policy_file import read_policy
 from cruise.storage.race_log import EventKind, RaceLog
-from cruise.training.session import read_metrics
+from cruise.training.metrics_log import read_metrics
 
 IMAGES = Path(__file__).parent / "images"
 SEED = 3  # of the races that are drawn

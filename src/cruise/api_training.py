@@ -12,7 +12,8 @@ from cruise.racing.random_track import training_track
 from cruise.report.training_figure import draw_training
 from cruise.storage.policy_file import load_policy
 from cruise.training.devices import use_cores
-from cruise.training.session import Session, default_folder, read_metrics
+from cruise.training.metrics_log import read_metrics
+from cruise.training.session import Session, default_folder
 from cruise.training.trainer import Progress
 from cruise.training.validation import check_config
 

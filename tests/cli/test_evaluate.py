@@ -7,7 +7,7 @@ import pytest
 from cruise.cli import evaluate
 from cruise.cli.main import main
 from cruise.evaluation.summary import MEASURED
-from cruise.storage import policy_file
+from cruise.storage import policy_paths
 from tests.storage.policies import write_policy
 
 KEYS = [
@@ -62,7 +62,7 @@ def test_replay_steps_through_the_races(tmp_path, monkeypatch, capsys):
 
 
 def test_the_shipped_policy_is_the_default(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(policy_file, "SHIPPED", tmp_path)
+    monkeypatch.setattr(policy_paths, "SHIPPED", tmp_path)
     write_policy(tmp_path / "ring-2")
     assert main(["evaluate", "--track", "ring", "--drones", "2", "--episodes", "3", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["policy"] == "ring-2"

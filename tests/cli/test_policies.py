@@ -3,13 +3,13 @@
 import pytest
 
 from cruise.cli.main import main
-from cruise.storage import policy_file
+from cruise.storage import policy_file, policy_paths
 from tests.storage.policies import write_policy
 
 
 @pytest.fixture
 def shipped(tmp_path, monkeypatch):
-    monkeypatch.setattr(policy_file, "SHIPPED", tmp_path)
+    monkeypatch.setattr(policy_paths, "SHIPPED", tmp_path)
     monkeypatch.setenv("COLUMNS", "120")
     return tmp_path
 

@@ -5,7 +5,7 @@ import pytest
 
 from cruise.cli.main import main
 from cruise.evaluation.metrics import race_result
-from cruise.storage import policy_file
+from cruise.storage import policy_paths
 from cruise.storage.race_log import load_race_log
 from tests.storage.policies import write_policy
 
@@ -82,7 +82,7 @@ BAD = {
 @pytest.mark.parametrize("case", BAD)
 def test_bad_flags_give_one_line_and_no_files(case, tmp_path, monkeypatch, capsys):
     flags, message = BAD[case]
-    monkeypatch.setattr(policy_file, "SHIPPED", tmp_path / "none")
+    monkeypatch.setattr(policy_paths, "SHIPPED", tmp_path / "none")
     (tmp_path / "folder.npz").mkdir()
     write_policy(tmp_path / "duel")
     write_policy(tmp_path / "damaged").write_bytes(b"damaged")

@@ -13,7 +13,7 @@ from cruise.evaluation.metrics import race_result
 from cruise.pilots.scripted import SCRIPTED, Chaser
 from cruise.presets import TRACKS, VEHICLES
 from cruise.racing.track_file import load_track
-from cruise.storage import policy_file
+from cruise.storage import policy_paths
 from tests.storage.policies import write_policy
 
 RING = TRACKS["ring"]
@@ -54,7 +54,7 @@ def test_a_policy_named_twice_is_one_pilot(tmp_path):
 
 
 def test_the_shipped_policy_flies_by_default(tmp_path, monkeypatch):
-    monkeypatch.setattr(policy_file, "SHIPPED", tmp_path)
+    monkeypatch.setattr(policy_paths, "SHIPPED", tmp_path)
     write_policy(tmp_path / "ring-2")
     assert names(make_match(RING, 2)) == ["ring-2", "ring-2"]
     with pytest.raises(CruiseError, match="no policy is shipped for track 'ring' with 3 drones; shipped: ring-2"):

@@ -15,7 +15,7 @@ from cruise.config import TrainConfig
 from cruise.errors import CruiseError
 from cruise.presets import TRACKS
 from cruise.racing.track_file import RANDOM
-from cruise.storage import policy_file, tensors
+from cruise.storage import policy_paths, tensors
 from cruise.storage.config_file import to_data
 from cruise.storage.policy_file import list_policies, load_policy, read_meta, read_policy, save_policy, shipped_name
 from tests.storage.policies import meta, random_params, write_policy
@@ -40,7 +40,7 @@ def test_every_way_to_name_it(tmp_path, monkeypatch):
 
 
 def test_shipped_ones_are_found_by_name(tmp_path, monkeypatch):
-    monkeypatch.setattr(policy_file, "SHIPPED", tmp_path)
+    monkeypatch.setattr(policy_paths, "SHIPPED", tmp_path)
     write_policy(tmp_path / "ring-2", name="run/policy")
     write_policy(tmp_path / "figure-eight-2", track="figure-eight")
     assert list(list_policies()) == ["figure-eight-2", "ring-2"]
@@ -70,7 +70,7 @@ def test_shipped_ones_are_found_by_name(tmp_path, monkeypatch):
 
 def test_what_is_shipped_is_sound():
     """Each policy in pairs of files, named after track, vehicle and drones, measured, and loadable."""
-    files = {path.name for path in policy_file.SHIPPED.glob("*")} - {"__init__.py", "__pycache__"}
+    files = {path.name for path in policy_paths.SHIPPED.glob("*")} - {"__init__.py", "__pycache__"}
     policies = list_policies()
     assert files == {name + ending for name in policies for ending in (".json", ".safetensors")}
     for name, about in policies.items():

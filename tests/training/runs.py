@@ -18,7 +18,8 @@ from cruise.pilots.network import ActorCritic
 from cruise.presets import TRACKS, VEHICLES
 from cruise.storage.checkpoint import load_meta
 from cruise.training import session
-from cruise.training.session import Session, read_metrics
+from cruise.training.metrics_log import read_metrics
+from cruise.training.session import Session
 from cruise.training.trainer import Progress, Trainer
 
 RACES, STEPS = 64, 16

@@ -11,7 +11,7 @@ from cruise.cli.main import main
 from cruise.storage.checkpoint import CURRENT, load_checkpoint
 from cruise.storage.policy_file import load_policy
 from cruise.training import session as session_module
-from cruise.training.session import read_metrics
+from cruise.training.metrics_log import read_metrics
 from cruise.training.trainer import TrainingDiverged
 from cruise.training.types import TrainState
 from tests.training.runs import bits, open_session, saved_updates, shared_trainer, tiny_trainer, whole_run

@@ -17,7 +17,8 @@ from tensorboardX.proto.event_pb2 import Event
 from cruise.storage.checkpoint import CURRENT, PREVIOUS, load_checkpoint
 from cruise.storage.config_file import load_config
 from cruise.storage.policy_file import load_policy, read_meta
-from cruise.training.session import CONFIG, METRICS, read_metrics
+from cruise.training.metrics_log import METRICS, read_metrics
+from cruise.training.session import CONFIG
 from tests.training.replay import compiled_env
 from tests.training.runs import TINY, TINY_FLAGS, UPDATES, bits, saved_updates, tiny_trainer, whole_run
 

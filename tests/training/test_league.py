@@ -17,7 +17,8 @@ from cruise.storage.policy_file import read_policy
 from cruise.training import league as leagues
 from cruise.training import session
 from cruise.training.league import SEATS, SHARES, found_league, join, keep_score, opponents_fly, seat
-from cruise.training.session import Session, read_metrics
+from cruise.training.metrics_log import read_metrics
+from cruise.training.session import Session
 from cruise.training.trainer import Progress, Trainer
 from cruise.training.types import League, OpponentPool
 from cruise.training.validation import check_config

@@ -14,7 +14,7 @@ import pytest
 from cruise.errors import CruiseError
 from cruise.storage.policy_file import load_policy
 from cruise.training import hosts
-from cruise.training.session import read_metrics
+from cruise.training.metrics_log import read_metrics
 from tests.training.runs import TINY_FLAGS, whole_run
 
 PATIENCE = 600  # [s]; two processes compile at once

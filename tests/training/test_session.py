@@ -11,7 +11,8 @@ from cruise.storage.checkpoint import CURRENT, PREVIOUS
 from cruise.storage.config_file import load_config
 from cruise.storage.policy_file import load_policy, read_meta, read_policy
 from cruise.training import session as session_module
-from cruise.training.session import CONFIG, METRICS, resume_config
+from cruise.training.metrics_log import METRICS
+from cruise.training.session import CONFIG, resume_config
 from tests.training.runs import TINY, UPDATES, bits, open_session, tiny_trainer, train, uninterrupted, whole_run
 
 __all__ = ["open_session", "uninterrupted"]  # fixtures

@@ -16,7 +16,8 @@ from cruise.reproduction.results import FORMAT, Cell, Origin, StageResult
 from cruise.reproduction.settings import settings_of
 from cruise.reproduction.work import Step, Work
 from cruise.storage.atomic import read_bytes, write_atomically
-from cruise.training.session import CONFIG, Session, read_metrics
+from cruise.training.metrics_log import read_metrics
+from cruise.training.session import CONFIG, Session
 from cruise.training.validation import check_config
 
 

@@ -1,9 +1,7 @@
 """Trained policies on disk: parameters in `NAME.safetensors`, what they are in `NAME.json` beside it."""
 
 import dataclasses
-import difflib
 import hashlib
-import os
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -19,16 +17,13 @@ from cruise.pilots.network import ActorCritic
 from cruise.pilots.neural import NeuralPilot
 from cruise.presets import VEHICLES
 from cruise.racing.track_file import RANDOM
-from cruise.storage import tensors
+from cruise.storage import policy_paths, tensors
 from cruise.storage.atomic import read_bytes, write_atomically
 from cruise.storage.config_file import from_json, to_json
+from cruise.storage.policy_paths import StrPath, find_policy, stem_of, with_ending
 
 FORMAT_VERSION = 2  # 1: an extended observation in which opponents did not fade with distance
-SHIPPED = Path(__file__).parent.parent / "policies"
-IN_RUN = "policy"  # stem of the policy in the folder of a training run
 MAX_WIDTH = 65_536  # of a layer
-
-StrPath = str | os.PathLike[str]
 
 
 @dataclass(frozen=True)
@@ -93,7 +88,7 @@ def save_policy(path: StrPath, params: ActorCritic, meta: PolicyMeta) -> Path:
     Raises:
         CruiseError: parameters or `meta` are not sound, or the files cannot be written.
     """
-    stem = _stem(Path(path))
+    stem = stem_of(Path(path))
     where = f"policy {stem}"
     arrays = {name: np.asarray(leaf) for name, leaf in _named(params).items()}
     network = _shape_of(params)
@@ -101,9 +96,9 @@ def save_policy(path: StrPath, params: ActorCritic, meta: PolicyMeta) -> Path:
     _check_params(arrays, network, where)
     data = tensors.encode(arrays)
     text = to_json(_Description(FORMAT_VERSION, meta, network, hashlib.sha256(data).hexdigest()))
-    write_atomically(_with(stem, ".safetensors"), data)
-    write_atomically(_with(stem, ".json"), text.encode())
-    return _with(stem, ".safetensors")
+    write_atomically(with_ending(stem, ".safetensors"), data)
+    write_atomically(with_ending(stem, ".json"), text.encode())
+    return with_ending(stem, ".safetensors")
 
 
 def load_policy(name_or_path: StrPath) -> NeuralPilot:
@@ -121,15 +116,15 @@ def load_policy(name_or_path: StrPath) -> NeuralPilot:
 
 def read_policy(name_or_path: StrPath) -> Policy:
     """Parameters and what belongs to them; see `load_policy`."""
-    stem = _find(name_or_path)
+    stem = find_policy(name_or_path)
     description = _read_description(stem)
-    where = f"policy {_with(stem, '.safetensors')}"
-    data = read_bytes(_with(stem, ".safetensors"), "policy")
+    where = f"policy {with_ending(stem, '.safetensors')}"
+    data = read_bytes(with_ending(stem, ".safetensors"), "policy")
     arrays, _ = tensors.decode(data, where)
     _check_params(arrays, description.network, where)
     if hashlib.sha256(data).hexdigest() != description.sha256:
         raise CruiseError(
-            f"{where}: checksum differs from that in {_with(stem, '.json').name}; they are not one policy"
+            f"{where}: checksum differs from that in {with_ending(stem, '.json').name}; they are not one policy"
         )
     template = _template(description.network)
     leaves = [jnp.asarray(arrays[name]) for name in _named(template)]
@@ -138,11 +133,11 @@ def read_policy(name_or_path: StrPath) -> Policy:
 
 def read_meta(name_or_path: StrPath) -> PolicyMeta:
     """What a policy is, without its parameters. Raises CruiseError as `load_policy` does."""
-    return _read_description(_find(name_or_path)).policy
+    return _read_description(find_policy(name_or_path)).policy
 
 
 def _read_description(stem: Path) -> _Description:
-    path = _with(stem, ".json")
+    path = with_ending(stem, ".json")
     where = f"policy description {path}"
     description = from_json(read_bytes(path, "policy description"), _Description, where)
     if description.format != FORMAT_VERSION:
@@ -150,14 +145,14 @@ def _read_description(stem: Path) -> _Description:
     _check_meta(description.policy, description.network, where)
     if not isinstance(description.policy.config, dict):
         raise CruiseError(f"{where}: policy.config: expected an object")
-    if stem.parent == SHIPPED:  # known by the name of its file
+    if stem.parent == policy_paths.SHIPPED:  # known by the name of its file
         return dataclasses.replace(description, policy=dataclasses.replace(description.policy, name=stem.name))
     return description
 
 
 def list_policies() -> dict[str, PolicyMeta]:
     """Names of the shipped policies and what they are, in order of track and number of drones."""
-    metas = {path.stem: read_meta(path) for path in SHIPPED.glob("*.json")}
+    metas = {path.stem: read_meta(path) for path in policy_paths.SHIPPED.glob("*.json")}
     return dict(sorted(metas.items(), key=lambda item: (item[1].track, item[1].drones, item[0])))
 
 
@@ -173,7 +168,7 @@ def shipped_name(track: str, drones: int, vehicle: str = "paper") -> str:
     names = [f"{track}-{drones}" if vehicle == "paper" else f"{vehicle}-{track}"]
     if drones == 1:
         names.append(f"{vehicle}-{RANDOM}")
-    there = [name for name in names if _with(SHIPPED / name, ".json").is_file()]
+    there = [name for name in names if with_ending(policy_paths.SHIPPED / name, ".json").is_file()]
     name = next((name for name in there if drones == 1 or read_meta(name).drones > 1), None)
     if name is None:
         known = ", ".join(list_policies()) or "none"
@@ -187,41 +182,6 @@ def shipped_name(track: str, drones: int, vehicle: str = "paper") -> str:
 def _asked(track: str, drones: int, vehicle: str) -> str:
     other = "" if vehicle == "paper" else f" and vehicle {vehicle!r}"
     return f"track {track!r} with {drones} drone{'s' * (drones != 1)}{other}"
-
-
-def _find(name_or_path: StrPath) -> Path:
-    """Path, without ending, of a policy."""
-    text = os.fspath(name_or_path)
-    if not text or "\0" in text:
-        raise CruiseError(f"policy {text!r}: neither a name nor a path")
-    if isinstance(name_or_path, str) and os.sep not in text and _with(SHIPPED / text, ".json").is_file():
-        return SHIPPED / text
-    path = Path(text)
-    if path.is_dir():
-        return path / IN_RUN
-    stem = _stem(path)
-    if any(_with(stem, ending).is_file() for ending in (".safetensors", ".json")):
-        return stem
-    raise CruiseError(_unknown(text, path))
-
-
-def _unknown(text: str, path: Path) -> str:
-    if path.suffix and path.suffix not in (".safetensors", ".json") and path.is_file():
-        return f"policy {text}: expected a .safetensors or .json file"
-    shipped = sorted(file.stem for file in SHIPPED.glob("*.json"))
-    close = difflib.get_close_matches(text, shipped, n=1)
-    hint = f"did you mean {close[0]!r}? " if close else ""
-    names = ", ".join(shipped) or "none"
-    return f"policy {text!r} not found: {hint}shipped: {names}; or give the path of a .safetensors file"
-
-
-def _stem(path: Path) -> Path:
-    return path.with_suffix("") if path.suffix in (".safetensors", ".json") else path
-
-
-def _with(stem: Path, ending: str) -> Path:
-    """`stem` may hold dots of its own."""
-    return stem.with_name(stem.name + ending)
 
 
 def _template(network: NetworkShape) -> ActorCritic:

@@ -1,6 +1,5 @@
 """A training run on disk: configuration, logs, checkpoints, policies; started, interrupted and resumed."""
 
-import json
 import os
 import shlex
 import signal
@@ -11,98 +10,25 @@ from types import FrameType
 from typing import Any
 
 import jax
-import numpy as np
-from tensorboardX.event_file_writer import EventsWriter
-from tensorboardX.proto.event_pb2 import Event, SessionLog
-from tensorboardX.proto.summary_pb2 import Summary
 
 from cruise import __version__
 from cruise.config import Track, TrainConfig, Vehicle
 from cruise.errors import CruiseError
-from cruise.storage.atomic import write_atomically
 from cruise.storage.checkpoint import CURRENT, load_checkpoint, save_checkpoint
 from cruise.storage.config_file import load_config, save_config
 from cruise.storage.policy_file import PolicyMeta, save_policy
 from cruise.training import hosts
 from cruise.training.beginning import first_state
 from cruise.training.curriculum import Phase
-from cruise.training.league import standing
+from cruise.training.metrics_log import MetricsLog, metrics_row
 from cruise.training.trainer import Progress, Trainer, TrainingDiverged
 from cruise.training.types import TrainState
 
-METRICS = "metrics.jsonl"
 CONFIG = "config.json"
-TENSORBOARD = "tensorboard"
 
 
 class Interrupted(KeyboardInterrupt):
     """Ctrl-C: the run has been saved and can be resumed."""
-
-
-class MetricsLog:
-    """`metrics.jsonl` and TensorBoard, one row per update, cut back to the checkpoint when a run resumes.
-
-    TensorBoard's events are written here and now: the library's own `SummaryWriter` hands them, number by number, to
-    a thread that lags behind, and what it had not written when the process was killed would never be.
-    """
-
-    def __init__(self, folder: Path, updates: int) -> None:
-        """Open both logs and drop rows after update number `updates`."""
-        self.path = folder / METRICS
-        kept = [row for row in read_metrics(folder) if row["update"] <= updates]
-        write_atomically(self.path, "".join(json.dumps(row) + "\n" for row in kept).encode())
-        self._file = self.path.open("a")
-        (folder / TENSORBOARD).mkdir(exist_ok=True)
-        self._board = EventsWriter(str(folder / TENSORBOARD / "events"), f".{time.time_ns()}")
-        first = kept[-1]["steps"] + 1 if kept else 0  # TensorBoard forgets what older files hold from here on
-        self._board.write_event(Event(step=first, session_log=SessionLog(status=SessionLog.START)))
-
-    def add(self, row: dict[str, Any]) -> None:
-        """Append one row; it reaches the disk at once."""
-        self._file.write(json.dumps(row) + "\n")
-        self._file.flush()
-        numbers = [Summary.Value(tag=k, simple_value=v) for k, v in row.items() if isinstance(v, float)]
-        self._board.write_event(Event(wall_time=time.time(), step=row["steps"], summary=Summary(value=numbers)))
-
-    def flush(self) -> None:
-        """Bring to the disk what is still buffered: a run that resumes does not log it again."""
-        self._board.flush()
-
-    def close(self) -> None:
-        """Flush and close both logs."""
-        self._file.close()
-        self._board.close()
-
-
-def read_metrics(folder: Path) -> list[dict[str, Any]]:
-    """Rows of a run's `metrics.jsonl`; a last line cut short by a crash is left out."""
-    path = folder / METRICS
-    rows = []
-    for line in path.read_text().splitlines() if path.exists() else []:
-        try:
-            rows.append(json.loads(line))
-        except json.JSONDecodeError:
-            break
-    return rows
-
-
-def metrics_row(progress: Progress, seconds: float) -> dict[str, Any]:
-    """One update as plain numbers; a value that was not measured is absent."""
-    row: dict[str, Any] = {
-        "update": int(progress.state.updates),
-        "steps": progress.steps,
-        "stage": progress.phase.number,
-        "seconds": round(seconds, 3),
-    }
-    row |= {name: float(value) for name, value in jax.device_get(progress.metrics).items()}
-    row["policy/std"] = float(np.exp(np.asarray(progress.state.model.log_std)).mean())
-    if progress.score is not None:
-        score = {f"evaluation/{name}": value for name, value in progress.score._asdict().items()}
-        row |= {name: value for name, value in score.items() if value is not None and np.isfinite(value)}
-        row["evaluation/opponents_replaced"] = float(progress.opponents_replaced)
-        if progress.state.league is not None:
-            row |= {f"league/{name}": value for name, value in standing(progress.state.league).items()}
-    return row
 
 
 class _StopRequest:
