@@ -18,6 +18,7 @@ from cruise.vehicles import VEHICLES
 __all__ = [
     "CURRICULA",
     "CURRICULUM",
+    "MAX_RANDOMISE",
     "PAPER_TRACKS",
     "PUBLISHED_TRACKS",
     "RANDOMISATION",
@@ -25,6 +26,7 @@ __all__ = [
     "TRACKS",
     "VEHICLES",
     "training_config",
+    "training_randomisation",
 ]
 
 # The paper's curriculum table, row by row.
@@ -133,6 +135,7 @@ _REAL = replace(
     wind_speed=3.0,
     gust_speed=1.0,
 )
+MAX_RANDOMISE = 2.0  # times as strong as full
 RANDOMISATION: dict[str, Randomisation] = {
     "paper": _SENSED,  # its body, controller and air are the paper's
     "racer": _REAL,
@@ -152,6 +155,12 @@ _BOLD = PPOConfig(
     entropy_hold=0.5,
     entropy_end=0.8,
 )
+
+
+def training_randomisation(vehicle: str, share: float) -> Randomisation:
+    """So much of a vehicle's full randomisation; but a demand is cut in one way or the other: both must be known."""
+    full = RANDOMISATION[vehicle]
+    return replace(full.scaled(share), clip_share=full.clip_share) if share else Randomisation()
 
 
 def training_config(vehicle: str = "paper", drones: int = TrainConfig.drones) -> TrainConfig:
@@ -175,6 +184,5 @@ def training_config(vehicle: str = "paper", drones: int = TrainConfig.drones) ->
             caution_distance=1.5,
         ),
         opponents=SelfPlayConfig(vary_field=True, sparring_share=0.2, evaluation_steps=1000),  # 20 s
-        # Half as strong as it is measured with; but how a demand is cut is either way, and both must be known.
-        randomisation=replace(RANDOMISATION[vehicle].scaled(0.5), clip_share=1.0),
+        randomisation=training_randomisation(vehicle, 0.5),
     )

@@ -76,6 +76,8 @@ BAD_INPUT = {
     ),
     "episodes": ("--episodes 0", "--episodes must be between 1 and 1000000, not 0"),
     "too many episodes": ("--episodes 2000000", "--episodes must be between 1 and 1000000, not 2000000"),
+    "randomise": ("--vehicle racer --randomise 3", "--randomise must be from 0 to 2, not 3"),
+    "randomise by a word": ("--randomise much", "--randomise must be from 0 to 2, not much"),
     "nothing to resume": ("--resume nowhere", "nowhere: no run to resume here, config.json is missing"),
     "unknown flag": ("--bogus 1", "--bogus"),
     "no number": ("--drones two", "two"),

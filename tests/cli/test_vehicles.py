@@ -4,8 +4,8 @@ import pytest
 
 from cruise.cli.main import main
 from cruise.cli.train import Train, named
-from cruise.config import TrainConfig
-from cruise.presets import CURRICULA, VEHICLES, training_config
+from cruise.config import Randomisation, TrainConfig
+from cruise.presets import CURRICULA, RANDOMISATION, VEHICLES, training_config
 
 
 def test_vehicles_are_listed_with_their_sources(capsys, monkeypatch):
@@ -48,3 +48,15 @@ def test_every_vehicle_has_a_curriculum(name):
     assert stages[-1].agility == pytest.approx(VEHICLES[name].agility)
     assert sum(stage.steps for stage in stages) >= 1_000_000
     assert training_config(name).vehicle == name
+
+
+def test_randomise_is_a_share_of_what_is_full():
+    def of(*flags):
+        return Train.usual(flags).config.randomisation
+
+    full = RANDOMISATION["racer"]
+    assert of("--vehicle", "racer", "--randomise", "1") == full
+    assert of("--vehicle", "racer") == of("--vehicle", "racer", "--randomise=0.5") != full
+    assert of("--vehicle", "racer", "--randomise", "0.5").clip_share == 1
+    assert of("--vehicle", "racer", "--randomise", "0") == of("--randomise", "0") == Randomisation()
+    assert of("--randomise", "1") == RANDOMISATION["paper"]

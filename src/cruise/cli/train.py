@@ -1,6 +1,7 @@
 """`cruise train`: train a policy through the curriculum, or resume a run."""
 
 import dataclasses
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -16,7 +17,7 @@ from cruise.cli.progress import make_screen
 from cruise.cli.watch import Watch
 from cruise.config import TrainConfig
 from cruise.errors import CruiseError
-from cruise.presets import REWARDS, VEHICLES, training_config
+from cruise.presets import MAX_RANDOMISE, REWARDS, VEHICLES, training_config, training_randomisation
 from cruise.racing.random_track import training_track
 from cruise.vehicles import find_vehicle
 
@@ -32,6 +33,9 @@ class Train:
     """Folder of the run; by default runs/TRACK-DRONES-sSEED."""
     resume: Annotated[Path | None, tyro.conf.arg(metavar="RUN_DIR")] = None
     """Continue the run in this folder; its own configuration holds, and other flags of the run are refused."""
+    randomise: Annotated[float | None, described("SHARE")] = None
+    """How much of what is full for the vehicle races differ by (0 to 2), before single flags such as --mass-spread; by
+    default 0 for the paper's vehicle and 0.5 for others."""
     reward_preset: Literal["default", "paper"] = "default"
     """Reward weights: the project's, or those printed in the paper."""
     episodes: int = 100
@@ -49,8 +53,11 @@ class Train:
     def usual(cls, flags: Sequence[str]) -> "Train":
         """The defaults, which the vehicle and the number of drones that `flags` name decide."""
         vehicle = find_vehicle(named(flags, "vehicle") or "paper").name
-        drones = named(flags, "drones") or ""
-        return cls(config=training_config(vehicle, int(drones) if drones.isdecimal() else TrainConfig.drones))
+        drones, share = named(flags, "drones") or "", named(flags, "randomise")
+        config = training_config(vehicle, int(drones) if drones.isdecimal() else TrainConfig.drones)
+        if share is not None:
+            config = dataclasses.replace(config, randomisation=training_randomisation(vehicle, checked_share(share)))
+        return cls(config=config)
 
     def run(self) -> int:
         """Train, measure, write the policy."""
@@ -108,8 +115,20 @@ class Train:
         return dataclasses.replace(self.config, reward=REWARDS[self.reward_preset])
 
     def _refuse_flags_with_resume(self) -> None:
-        if self.resume and (self.config != TrainConfig() or self.out or self.reward_preset != "default"):
+        changed = self.config != TrainConfig() or self.randomise is not None or self.reward_preset != "default"
+        if self.resume and (changed or self.out):
             raise CruiseError("--resume continues a run as it was configured: leave out every flag but --episodes")
+
+
+def checked_share(text: str) -> float:
+    """The value of --randomise. Raises CruiseError where it is no share."""
+    try:
+        share = float(text)
+    except ValueError:
+        share = math.nan
+    if not 0 <= share <= MAX_RANDOMISE:
+        raise CruiseError(f"--randomise must be from 0 to {MAX_RANDOMISE:g}, not {text}")
+    return share
 
 
 def named(flags: Sequence[str], name: str) -> str | None:

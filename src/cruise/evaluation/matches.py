@@ -19,7 +19,7 @@ from cruise.evaluation.summary import Evaluation, summarise
 from cruise.interop.simulators import make_simulated
 from cruise.pilots.base import Pilot, Versatile
 from cruise.pilots.foreign import DEFAULT_BUDGET
-from cruise.presets import RANDOMISATION
+from cruise.presets import MAX_RANDOMISE, RANDOMISATION
 from cruise.racing.track_geometry import lap_length
 from cruise.rollout import fly, team_rules
 from cruise.storage.policy_file import read_meta, shipped_name
@@ -33,7 +33,6 @@ TIME_LIMIT = 150.0  # of a race, at least [s]
 SLOWEST = 1.25  # longer races get the time that this mean speed needs [m/s]
 MAX_DRONES = 64
 MAX_LAPS = 100
-MAX_RANDOMISE = 2.0
 NOTHING_RANDOM = Randomisation()
 DRONES_IN_BATCH = 1024  # flown at once at ten steps a second; bounds memory, not the number of races
 USUAL_VEHICLE = "paper"
