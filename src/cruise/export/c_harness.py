@@ -22,12 +22,12 @@ MAIN = """\
 #include <stdlib.h>
 #include <time.h>
 
-/* A row: own state, next gate, then position, velocity and presence of every other drone. */
 static const float *copy(float *into, const float *row, int size) {{
     for (int i = 0; i < size; ++i) into[i] = row[i];
     return row + size;
 }}
 
+/* A row: own state, next gate, then position, velocity and presence of every other drone. */
 static void read_row(const float *row, {p}_state *state) {{
     row = copy(state->position_w, row, 3);
     row = copy(state->velocity_w, row, 3);

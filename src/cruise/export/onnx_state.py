@@ -61,7 +61,7 @@ def heading_of(g: Graph, state: StateInputs, gate: Value) -> Value:
 def nearest_first(g: Graph, ranked: Value, rows: Value, count: Value) -> Value:
     """The `count` rows [B, M, C] of the smallest `ranked` [B, M, 1], in their order."""
     _, order = g.nodes_of("TopK", ranked, count, outputs=2, axis=1, largest=0, sorted=1)
-    width = g.part(g.node("Shape", rows, kind=np.int64), 2, 3, axis=0)
-    ends = [g.part(g.node("Shape", rows, kind=np.int64), 0, 1, axis=0), count, width]
-    order = g.node("Expand", Value(g, order.name, np.int64), g.join(ends, axis=0))
+    shape = g.node("Shape", rows, kind=np.int64)
+    wanted = g.join([g.part(shape, 0, 1, axis=0), count, g.part(shape, 2, 3, axis=0)], axis=0)
+    order = g.node("Expand", Value(g, order.name, np.int64), wanted)
     return g.node("GatherElements", rows, order, axis=1)

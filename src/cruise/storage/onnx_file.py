@@ -186,7 +186,6 @@ class _Whole(_Network):
         floats = ("position_w", "velocity_w", "euler", "angular_velocity_b", "others_position_w", "others_velocity_w")
         inputs = {name: getattr(view, name).astype(np.float32) for name in floats}
         inputs |= {
-            "attitude": np.roll(Rotation.from_matrix(view.rotation_wb).as_quat(), 1, axis=-1).astype(np.float32),
             "previous_action": self.previous,
             "next_gate": np.asarray(view.next_gate, np.int64),
             "others_airborne": view.others_airborne,
@@ -194,6 +193,9 @@ class _Whole(_Network):
             "gate_yaw": view.gates.yaw.astype(np.float32),
             "gate_size": np.stack([view.gates.width, view.gates.height], axis=1).astype(np.float32),
         }
+        if "attitude" in self.takes:
+            attitude = Rotation.from_matrix(view.rotation_wb).as_quat()  # (x, y, z, w)
+            inputs["attitude"] = np.roll(attitude, 1, axis=-1).astype(np.float32)
         self.previous = self._run({name: value for name, value in inputs.items() if name in self.takes})
         return self.previous
 
