@@ -62,10 +62,15 @@ def standing(vehicle: Vehicle, position_w: Array, heading: Array, parameters: Pa
     zero, one = jnp.zeros_like(position_w), jnp.ones_like(position_w[:1])
     body = FreeBody(position_w, zero, quaternion.from_heading(heading), zero)
     wrench = jnp.concatenate([vehicle.mass * vehicle.gravity * one, zero])
-    hovering = jnp.concatenate([(2 * vehicle.gravity / vehicle.agility - 1) * one, zero])
+    hovering = jnp.concatenate([hovering_collective(vehicle) * one, zero])
     kept = commands_to_keep(max(airframe.delay, airframe.longest_delay), vehicle.control_dt)
     commands = jnp.broadcast_to(hovering, (kept, *hovering.shape))
     return DroneState(body, Memory(wrench, commands, one[0] if airframe.battery else None), parameters)
+
+
+def hovering_collective(vehicle: Vehicle) -> float:
+    """First component of the action that hovers; the rates are 0."""
+    return 2 * vehicle.gravity / vehicle.agility - 1
 
 
 def step(

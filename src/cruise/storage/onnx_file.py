@@ -8,6 +8,7 @@ from typing import Any, Literal
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from cruise.dynamics.quadrotor import hovering_collective
 from cruise.env.observation import FOR_ANY_FIELD
 from cruise.errors import CruiseError, one_line
 from cruise.extras import import_extra
@@ -203,4 +204,4 @@ class _Whole(_Network):
 def first_action(meta: PolicyMeta) -> tuple[float, ...]:
     """What counts as the action before the first: the one that hovers, or none at all."""
     vehicle = VEHICLES[meta.vehicle]
-    return (0.0,) * 3 if vehicle.airframe is None else (2 * vehicle.gravity / meta.agility - 1, 0.0, 0.0, 0.0)
+    return (0.0,) * 3 if vehicle.airframe is None else (hovering_collective(vehicle), 0.0, 0.0, 0.0)
