@@ -105,6 +105,18 @@ def test_a_run_can_start_from_a_policy(open_session, uninterrupted, tmp_path):
     assert bits(session.state.model) == bits(pool.newest) == bits(pool.previous) == expected
 
 
+def test_steps_before_a_run_are_told_even_after_a_stop(open_session, uninterrupted, tmp_path):
+    policy = uninterrupted.folder / "stage-5"
+    folder = tmp_path / "on"
+    open_session(folder=folder, start_from=str(policy))
+    session = open_session(folder=folder, start_from=str(policy), resume=True)
+    for _ in session:
+        pass
+    meta = read_policy(session.finish(lambda path: {})).meta
+    assert meta.steps_before == read_policy(policy).meta.steps > 0
+    assert meta.all_steps == meta.steps_before + meta.steps
+
+
 def test_a_best_response_learns_against_one_policy_that_never_changes(open_session, uninterrupted, tmp_path):
     champion = uninterrupted.folder / "stage-5"
     session = open_session(folder=tmp_path / "response", against=str(champion))

@@ -38,7 +38,7 @@ def policy_table(policies: "dict[str, PolicyMeta]") -> Table:
             "-" if lap is None else f"{lap:.2f} s",
             "-" if speed is None else f"{speed:.2f} m/s",
         )
-        numbers = (f"{meta.steps / 1e6:.1f} M", str(meta.seed), *results)
+        numbers = (f"{meta.all_steps / 1e6:.1f} M", str(meta.seed), *results)
         table.add_row(escape(name), *numbers, escape(meta.version))
     return table
 

@@ -69,7 +69,7 @@ def _common(policy: Policy, track: Track, recording: Recording) -> dict[str, Any
         "title": _comment(meta.name),
         "version": __version__,
         "track": _comment(meta.track),
-        "steps": f"{meta.steps:,}",
+        "steps": f"{meta.all_steps:,}",
         "seed": meta.seed,
         "kind": SEES[meta.observation],
         "drones": meta.drones,

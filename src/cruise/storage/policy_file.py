@@ -41,6 +41,12 @@ class PolicyMeta:
     version: str  # of the program that trained it
     config: Any = field(default_factory=dict)  # of the run, resolved: a dataclass, read back as nested dictionaries
     results: dict[str, Any] = field(default_factory=dict)  # as `cruise evaluate --json` measured it
+    steps_before: int = 0  # of the policy that this one learned on from, and of those before it
+
+    @property
+    def all_steps(self) -> int:
+        """Environment steps of the active drone since its networks were random."""
+        return self.steps_before + self.steps
 
 
 @dataclass(frozen=True)

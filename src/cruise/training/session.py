@@ -16,7 +16,7 @@ from cruise.config import Track, TrainConfig, Vehicle
 from cruise.errors import CruiseError
 from cruise.storage.checkpoint import CURRENT, load_checkpoint, save_checkpoint
 from cruise.storage.config_file import load_config, save_config
-from cruise.storage.policy_file import PolicyMeta, save_policy
+from cruise.storage.policy_file import PolicyMeta, read_meta, save_policy
 from cruise.training import hosts
 from cruise.training.beginning import first_state
 from cruise.training.curriculum import Phase
@@ -74,7 +74,7 @@ class Session:
         """
         self.folder, self.config, self.track = folder, config, track
         self.trainer = Trainer(config, track, vehicle, devices)
-        self.seconds_before = 0.0
+        self.seconds_before, self.steps_before = 0.0, 0
         self.state = self._resume() if resume else self._begin()
 
     def _resume(self) -> TrainState:
@@ -82,7 +82,7 @@ class Session:
         shape, state = self.trainer.state_shape(), None
         if hosts.is_first():
             state, meta = load_checkpoint(self.folder, shape)
-            self.seconds_before = float(meta["seconds"])
+            self.seconds_before, self.steps_before = float(meta["seconds"]), int(meta.get("steps_before", 0))
         return hosts.from_first(state, shape)
 
     def _begin(self) -> TrainState:
@@ -94,6 +94,8 @@ class Session:
                 f"{self.folder} holds a run already: go on with {self.resume_command}, or choose another --out"
             )
         state = first_state(self.trainer)
+        if self.config.start_from:
+            self.steps_before = read_meta(self.config.start_from).all_steps
         self._write_checkpoint(state, 0.0, 0)
         if hosts.is_first():
             save_config(self.folder / CONFIG, self.config)
@@ -150,7 +152,8 @@ class Session:
     def _write_checkpoint(self, state: TrainState, seconds: float, steps: int) -> None:
         state = hosts.whole(state)  # all processes must take part
         if hosts.is_first():
-            save_checkpoint(self.folder, state, {"seconds": seconds, "steps": steps, "version": __version__})
+            told = {"seconds": seconds, "steps": steps, "steps_before": self.steps_before, "version": __version__}
+            save_checkpoint(self.folder, state, told)
 
     def finish(self, measure: Callable[[Path], dict[str, Any]]) -> Path:
         """Write the finished policy, then again with the results that `measure` finds for it; returns its path."""
@@ -171,6 +174,7 @@ class Session:
             version=__version__,
             config=self.config,
             results=results,
+            steps_before=self.steps_before,
         )
         return save_policy(self.folder / f"{stem}.safetensors", self.state.model, meta)
 
