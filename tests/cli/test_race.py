@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from cruise.cli.line_up import LineUp
 from cruise.cli.main import main
 from cruise.evaluation.metrics import race_result
 from cruise.storage import policy_paths
@@ -116,3 +117,18 @@ def test_help_names_every_flag(capsys):
         for flag in ("track", "drones", "policy", "pilot", "laps", "seed", "races", "png", "html", "log")
     )
     assert np.max([len(line) for line in text.splitlines()]) <= 120
+
+
+@pytest.mark.parametrize(
+    ("pilots", "flags", "names"),
+    [
+        (("racer-ring", "chaser"), {}, ["racer-ring", "chaser"]),  # sees a field of any size
+        (("racer-ring", "chaser"), {"drones": 3}, ["racer-ring", "chaser", "racer-ring"]),
+        (("racer-ring",), {}, ["racer-ring"] * 8),
+        (("ring-3", "chaser"), {}, ["ring-3", "chaser", "ring-3"]),  # flies in races of three alone
+        (("chaser", "hover"), {}, ["chaser", "hover"]),
+        (("chaser",), {}, ["chaser"] * 4),
+    ],
+)
+def test_how_many_race_where_nobody_says(pilots, flags, names):
+    assert [pilot.name for pilot in LineUp(pilot=pilots, **flags).match().team] == names

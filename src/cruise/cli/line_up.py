@@ -31,7 +31,8 @@ class LineUp:
     track: Annotated[str | None, described("NAME|FILE")] = None
     """Built-in track, or path of a TOML file. By default the one the policy was trained on, or ring."""
     drones: Annotated[int | None, described("N")] = None
-    """How many drones race. By default as many as the policy was trained for, or 4."""
+    """How many drones race. By default as many as the policy was trained for; one per --pilot, where several are given
+    and none needs a field of its size; or 4."""
     policy: Annotated[str | None, described("NAME|PATH")] = None
     """Flies every drone: a shipped policy, a .safetensors file or the folder of a run. By default the one shipped."""
     pilot: Annotated[tuple[str, ...], tyro.conf.UseAppendAction, described("NAME|PATH|FILE.py:NAME")] = ()
@@ -82,6 +83,8 @@ def usual_track(meta: "PolicyMeta | None" = None) -> Track:
 
 
 def _usual_drones(metas: "list[PolicyMeta]", choices: list[str]) -> int:
-    if metas:
-        return metas[0].drones
-    return len(choices) if len(choices) > 1 else DEFAULT_DRONES
+    from cruise.env.observation import FOR_ANY_FIELD  # noqa: PLC0415  (imports JAX)
+
+    if len(choices) > 1 and all(meta.observation in FOR_ANY_FIELD for meta in metas):
+        return len(choices)
+    return metas[0].drones if metas else DEFAULT_DRONES
