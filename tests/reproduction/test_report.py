@@ -16,6 +16,7 @@ from cruise.reproduction.evidence import Evidence, read_evidence
 from cruise.reproduction.headline import headline
 from cruise.reproduction.plan import Job, full_scale, make_plan, quick_scale
 from cruise.reproduction.printed import TABLES
+from cruise.reproduction.reasons_of_training import giving_way
 from cruise.reproduction.report_tables import all_tables, performance_table
 from cruise.reproduction.results import CELLS, ResultFolder
 from tests.reproduction import invented
@@ -151,12 +152,12 @@ def test_the_lead_follows_the_numbers(tmp_path, monkeypatch):
     worse = {"cruise": (0.1, 3.0), "self-play-only": (1.0, 4.5), "curriculum-only": (1.0, 4.5)}
     same = {"cruise": (0.5, 4.0), "self-play-only": (0.5, 4.0), "curriculum-only": (0.5, 4.0)}
     curriculum, self_play, wins = lead(tmp_path / "better", monkeypatch, **better)
-    assert curriculum.startswith("Yes, it helps.")
-    assert self_play.startswith("Yes, it helps.")
+    assert curriculum.startswith("Yes: more drones finish with it and it makes laps shorter.")
+    assert self_play.startswith("Yes: more drones finish with it and it makes laps shorter.")
     assert "On the ring CRUISE is rated first" in wins
     curriculum, self_play, wins = lead(tmp_path / "worse", monkeypatch, **worse)
-    assert curriculum.startswith("Yes, it harms.")
-    assert self_play.startswith("Yes, it harms.")
+    assert curriculum.startswith("Yes: fewer drones finish with it and it makes laps longer.")
+    assert self_play.startswith("Yes: fewer drones finish with it and it makes laps longer.")
     assert "On the ring SE-IBR, tuned is rated first" in wins
     curriculum, self_play, _ = lead(tmp_path / "same", monkeypatch, **same)
     assert curriculum.startswith("No difference that these runs can show.")
@@ -175,6 +176,17 @@ def test_claims_are_decided_by_the_numbers(tmp_path, monkeypatch):
     assert bad["CRUISE's mean speed, six cells"] == "no"
     assert bad["CRUISE is faster than SE-IBR, paper's caps"] == "no"
     assert bad["VANILLA fails on the ring with three drones or more"] == "no"
+
+
+@pytest.mark.parametrize(("level", "holds"), [((1.0, 4.5), "yes"), ((0.1, 3.0), "no")])
+def test_duels_are_claims_of_their_own(level, holds, tmp_path, monkeypatch):
+    monkeypatch.setattr(invented, "LEVELS", invented.LEVELS | {"cruise": level})
+    invent(ResultFolder(tmp_path), SCALE, tuple(job for job in make_plan(SCALE) if job.drones == 2))
+    evidence = read_evidence(ResultFolder(tmp_path), SCALE)
+    rows = {row[0]: row[3] for row in claims_table(evidence).rows}
+    for kind in ("VANILLA", "SE-IBR, paper's caps", "SE-IBR, tuned"):
+        assert rows[f"CRUISE wins its duels with {kind}"] == holds
+    assert "of its duels with VANILLA, finishes in" in giving_way(evidence).text
 
 
 def test_settings_that_differ_between_seeds_are_told(tmp_path):

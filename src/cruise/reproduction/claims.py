@@ -9,11 +9,13 @@ from cruise.report.tables import Table
 from cruise.reproduction.contrasts import percent
 from cruise.reproduction.entries import NOT_RUN, scale_note
 from cruise.reproduction.evidence import Evidence
-from cruise.reproduction.plan import KINDS
+from cruise.reproduction.plan import DUEL, ENTRANTS, KINDS
 from cruise.reproduction.pooling import Summary
 from cruise.reproduction.printed import SPEED_FACTOR, TABLES, Printed
+from cruise.reproduction.ratings import win_rate
 
 FAILED = 0.05  # a success rate up to this is called a failure
+HALF = 0.5
 
 
 class Claim(NamedTuple):
@@ -41,6 +43,7 @@ def claims_table(evidence: Evidence) -> Table:
         _faster(evidence, "se-ibr", f"at least {SPEED_FACTOR} times"),
         _faster(evidence, "se-ibr-tuned", "not compared"),
         _vanilla_fails(evidence),
+        *(_wins_duels(evidence, kind) for kind in ENTRANTS if kind != "cruise"),
         _stages_grow(evidence),
     )
     note = "Compared as printed: speeds rounded to 0.1 m/s, success to 0.1 %."
@@ -124,6 +127,17 @@ def _vanilla_fails(evidence: Evidence) -> Claim:
         return Claim(claim, printed, NOT_RUN, NOT_RUN)
     told = ", ".join(f"{percent(summary.success)} with {n}" for n, summary in run.items())
     return Claim(claim, printed, told, _holds(sum(s.success.mean <= FAILED for s in run.values()), len(run)))
+
+
+def _wins_duels(evidence: Evidence, other: str) -> Claim:
+    claim, printed = f"CRUISE wins its duels with {KINDS[other].title}", "not raced"
+    met = {track: evidence.meetings.get((track, DUEL), ()) for track in evidence.scale.tracks}
+    rates = {track: win_rate(duels, "cruise", other) for track, duels in met.items()}
+    known = {track: rate.mean for track, rate in rates.items() if rate.known}
+    if not known:
+        return Claim(claim, printed, NOT_RUN, NOT_RUN)
+    told = ", ".join(f"{percent(rates[track])} on the {track}" for track in known)
+    return Claim(claim, printed, told, _holds(sum(rate > HALF for rate in known.values()), len(known)))
 
 
 def _stages_grow(evidence: Evidence) -> Claim:

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from cruise.reproduction.evidence import Evidence
 from cruise.reproduction.pooling import Pooled, Summary, Verdict, compare
 
+NOT_YET = "Not run yet."
+
 
 @dataclass(frozen=True)
 class Contrast:
@@ -38,16 +40,18 @@ def contrasts(evidence: Evidence, with_it: str, without: str, drones: int) -> li
 
 
 def verdict(found: Sequence[Contrast]) -> str:
-    """Whether the ingredient matters, in a word or two. Only differences whose intervals do not overlap count."""
-    better = sum((c.success == "higher") + (c.lap == "lower") for c in found)
-    worse = sum((c.success == "lower") + (c.lap == "higher") for c in found)
+    """Whether the ingredient matters, and how. Only differences whose intervals do not overlap count."""
     if not found:
         return "Not known yet."
-    if better and worse:
-        return "It helps in one respect and harms in another."
-    if better:
-        return "Yes, it helps."
-    return "Yes, it harms." if worse else "No difference that these runs can show."
+    success, lap = {c.success for c in found}, {c.lap for c in found}
+    differences = {
+        "more drones finish with it": "higher" in success,
+        "fewer drones finish with it": "lower" in success,
+        "it makes laps shorter": "lower" in lap,
+        "it makes laps longer": "higher" in lap,
+    }
+    told = [what for what, is_so in differences.items() if is_so]
+    return f"Yes: {' and '.join(told)}." if told else "No difference that these runs can show."
 
 
 def in_words(contrast: Contrast) -> str:
@@ -67,7 +71,7 @@ def _told(found: Verdict) -> str:
 def sentence(found: Sequence[Contrast]) -> str:
     """All tracks in one sentence."""
     text = "; ".join(map(in_words, found))
-    return f"With {found[0].drones} drones, {text}." if found else "Not run yet."
+    return f"With {found[0].drones} drones, {text}." if found else NOT_YET
 
 
 def outcome(summary: Summary) -> str:
@@ -80,3 +84,8 @@ def percent(pooled: Pooled) -> str:
     """A rate for people; nothing but all is called 100 %, nothing but none 0 %."""
     value = 100 * pooled.mean
     return f"{value:.0f} %" if value in (0.0, 100.0) else f"{min(max(value, 0.1), 99.9):.1f} %"
+
+
+def capital(text: str) -> str:
+    """As the beginning of a sentence."""
+    return text[:1].upper() + text[1:]

@@ -36,4 +36,16 @@ def _winner(evidence: Evidence, track: str, ratings: dict[str, list[Rating]]) ->
     place = "is rated first" if alone else f"is rated first, within the interval of {KINDS[rated[1].entrant].title}"
     others = [kind for kind in ENTRANTS if kind != best.entrant]
     rates = ", ".join(f"{KINDS[k].title} in {percent(win_rate(duels, best.entrant, k))}" for k in others)
-    return f"On the {track} {KINDS[best.entrant].title} {place} and beats {rates} of their duels."
+    told = f"On the {track} {KINDS[best.entrant].title} {place} and beats {rates} of their duels."
+    return f"{told} {_among_its_own(evidence, track, best.entrant)}".rstrip()
+
+
+def _among_its_own(evidence: Evidence, track: str, best: str) -> str:
+    """Who wins against others need not get through a race against drones like itself."""
+    own, ours = (evidence.summary(kind, track, ABLATION_DRONES) for kind in (best, "cruise"))
+    if best == "cruise" or not own or not ours:
+        return ""
+    return (
+        f"In fields of {ABLATION_DRONES} of one kind {percent(own.success)} of its drones finish, "
+        f"{percent(ours.success)} of CRUISE's."
+    )

@@ -20,6 +20,12 @@ def win_rate(meetings: Sequence[HeadToHead], one: str, other: str) -> Pooled:
     return pool_rate([_wins(m, one) for h in meetings for m in h.meetings if set(m.entrants) == {one, other}], 1)
 
 
+def duel_survival(meetings: Sequence[HeadToHead], one: str, other: str) -> Pooled:
+    """Share of the duels between two entrants that `one` finished."""
+    met = [m for h in meetings for m in h.meetings if set(m.entrants) == {one, other}]
+    return pool_rate([_finishes(m, one) for m in met], 1)
+
+
 def field_wins(meetings: Sequence[HeadToHead], entrant: str) -> Pooled:
     """Share of the mixed races of all entrants that one of them won."""
     return pool_rate([_wins(m, entrant) for m in _fields(meetings)], 1)
@@ -28,7 +34,7 @@ def field_wins(meetings: Sequence[HeadToHead], entrant: str) -> Pooled:
 def field_survival(meetings: Sequence[HeadToHead], entrant: str) -> Pooled:
     """Share of the mixed races of all entrants that one of them finished."""
     fields = _fields(meetings)
-    return pool_rate([[float(t[m.entrants.index(entrant)] is not None) for t in m.finish] for m in fields], 1)
+    return pool_rate([_finishes(m, entrant) for m in fields], 1)
 
 
 def field_place(meetings: Sequence[HeadToHead], entrant: str) -> Pooled:
@@ -44,6 +50,11 @@ def _wins(meeting: Meeting, entrant: str) -> list[float]:
     mine = meeting.entrants.index(entrant)
     races = zip(meeting.rank, meeting.crashed, strict=True)
     return [float(winner(rank, crashed) == mine) for rank, crashed in races]
+
+
+def _finishes(meeting: Meeting, entrant: str) -> list[float]:
+    mine = meeting.entrants.index(entrant)
+    return [float(times[mine] is not None) for times in meeting.finish]
 
 
 @dataclass(frozen=True)

@@ -6,15 +6,14 @@ from collections.abc import Callable
 from cruise.config import CascadeGains, Vehicle
 from cruise.presets import CURRICULUM, REWARDS
 from cruise.report.document import Point
+from cruise.reproduction import reasons_of_training as of_training
 from cruise.reproduction.claims import factors, short_of, speeds, successes
-from cruise.reproduction.contrasts import contrasts, outcome, percent, sentence
+from cruise.reproduction.contrasts import NOT_YET, capital, percent
 from cruise.reproduction.evidence import Evidence
 from cruise.reproduction.plan import ABLATION_DRONES, KINDS
 from cruise.reproduction.pooling import Summary
 from cruise.reproduction.printed import FREE, SPEED_FACTOR, TABLES
 from cruise.reproduction.settings import PLANNERS
-
-NOT_YET = "Not run yet."
 
 
 def reasons(evidence: Evidence) -> tuple[Point, ...]:
@@ -26,12 +25,13 @@ def reasons(evidence: Evidence) -> tuple[Point, ...]:
         _capped_planner,
         _crashing_pays,
         _overtaking,
-        _vanilla,
+        of_training.vanilla,
+        of_training.giving_way,
         _per_drone,
-        _self_play_order,
-        _sparring,
-        _observation,
-        _seeds,
+        of_training.self_play_order,
+        of_training.sparring,
+        of_training.observation,
+        of_training.seeds,
     )
     return tuple(point(evidence) for point in points)
 
@@ -71,7 +71,7 @@ def _controller(evidence: Evidence) -> Point:
         "The paper reads speeds far below the 10 m/s of its last stage as a strategy that balances speed and safety. "
         "But its controller cannot accelerate along any axis by more than K_p,pos K_v alpha dt = "
         f"{_longest_acceleration():.1f} m/s² for long, and that bounds the lap. "
-        f"{_capital(_each_track(evidence, tell))}",
+        f"{capital(_each_track(evidence, tell))}",
     )
 
 
@@ -90,7 +90,7 @@ def _nominal_laps(evidence: Evidence) -> Point:
         "Printed laps were not timed.",
         "The paper's lap time is the length of the track over the mean speed: it rewards flying far, not arriving "
         "early. Here laps are timed from gate to gate as well. "
-        f"{_capital(_each_track(evidence, tell))}",
+        f"{capital(_each_track(evidence, tell))}",
     )
 
 
@@ -134,7 +134,7 @@ def _crashing_pays(evidence: Evidence) -> Point:
         f"At stage 5 the speed term alone costs {weights.w_speed:g} x ({last.v_min:g} - {speed:g}) = {cost:.1f} a "
         f"step, while a crash costs {-weights.terminal:g} once and ends the cost; and above the clip of "
         f"{weights.clip:g} nothing is gained by flying faster. With the default weights against the printed ones: "
-        f"{_contrast(evidence, 'paper-reward')}",
+        f"{of_training.contrast(evidence, 'paper-reward')}",
     )
 
 
@@ -154,31 +154,6 @@ def _overtaking(evidence: Evidence) -> Point:
     )
 
 
-def _vanilla(evidence: Evidence) -> Point:
-    told = []
-    for track in evidence.scale.tracks:
-        for kind in ("vanilla", "self-play-only"):
-            summary = evidence.summary(kind, track, ABLATION_DRONES)
-            alone = _survival_in_training(evidence, track) if kind == "vanilla" else ""
-            if summary:
-                told.append(f"{track}, {KINDS[kind].title}: {outcome(summary)}{alone}")
-    return Point(
-        "What VANILLA is, the paper does not quite say.",
-        "Here it is plain PPO on stage 5 without curriculum and without self-play, so that it first meets opponents "
-        'when it is measured; "self-play, no curriculum" meets them all along, and differs from CRUISE by the '
-        f"curriculum alone. {_capital('; '.join(told)) + '.' if told else NOT_YET}",
-    )
-
-
-def _survival_in_training(evidence: Evidence, track: str) -> str:
-    """How VANILLA flew alone, by the last evaluation of its training."""
-    last = []
-    for cell in evidence.of("vanilla", track, ABLATION_DRONES):
-        known = [value for value in cell.curve.success if value is not None] if cell.curve else []
-        last += known[-1:]
-    return f" (alone in the air at the end of training it survived {100 * sum(last) / len(last):.0f} %)" if last else ""
-
-
 def _per_drone(evidence: Evidence) -> Point:
     def tell(track: str, summary: Summary) -> str:
         return f"{percent(summary.success)} of the drones, all drones in {percent(summary.all_success)} of the races"
@@ -186,63 +161,5 @@ def _per_drone(evidence: Evidence) -> Point:
     return Point(
         "Success is per drone.",
         "Printed figures such as 91.3 % of three and 93.5 % of four drones over 100 episodes can only be shares of "
-        f"drones. Whether everybody finishes is a stricter question. {_capital(_each_track(evidence, tell))}",
+        f"drones. Whether everybody finishes is a stricter question. {capital(_each_track(evidence, tell))}",
     )
-
-
-def _self_play_order(evidence: Evidence) -> Point:
-    return Point(
-        "Self-play within the curriculum or after it.",
-        "The paper's text puts self-play after the curriculum, its Algorithm 1 inside every stage; the default is "
-        f"inside. Inside against after: {_contrast(evidence, 'self-play-after')}",
-    )
-
-
-def _sparring(evidence: Evidence) -> Point:
-    return Point(
-        "Opponents that are not copies.",
-        "The paper's drones learn against frozen copies of themselves alone. Trained so, drones crashed in their duels "
-        "with planners and hand-written pilots, which fly as no copy does; so here some opponents in training are such "
-        "pilots, of many speeds. What that costs among copies, with sparring partners against without: "
-        f"{_contrast(evidence, 'copies-only')}",
-    )
-
-
-def _observation(evidence: Evidence) -> Point:
-    return Point(
-        "Another observation than the paper's.",
-        "CRUISE here sees the track and its opponents in the frame of the next gate. Against the paper's state vector: "
-        f"{_contrast(evidence, 'paper-observation')}",
-    )
-
-
-def _contrast(evidence: Evidence, without: str) -> str:
-    return sentence(contrasts(evidence, "cruise", without, ABLATION_DRONES))
-
-
-def _seeds(evidence: Evidence) -> Point:
-    spreads = []
-    for track in evidence.scale.tracks:
-        for drones in evidence.scale.drones:
-            rates = [_share(cell.measured.success) for cell in evidence.of("cruise", track, drones)]
-            if len(rates) > 1:
-                spreads.append((max(rates) - min(rates), f"{track} with {drones} drones", rates))
-    if not spreads:
-        text = "Fewer than two seeds have been run."
-    else:
-        _, place, rates = max(spreads)
-        text = (
-            f"Here CRUISE's seeds differ most on {place}: {', '.join(f'{100 * rate:.1f} %' for rate in rates)} success."
-        )
-    return Point(
-        "One training is no evidence.",
-        f"The paper measures one training per cell, over 100 episodes; its deviations are between episodes. {text}",
-    )
-
-
-def _share(values: tuple[float, ...]) -> float:
-    return sum(values) / len(values)
-
-
-def _capital(text: str) -> str:
-    return text[:1].upper() + text[1:]
