@@ -28,6 +28,7 @@ MINIATURE = {
     "limit": "--steps 8",
     "reproduce": "--list",
 }
+AS_IT_IS = ({"reproduce", "--report-only"}, {"limit", "paper"})  # take seconds, and no flag makes them shorter
 WATCHED = "--watch"  # serves until somebody stops it: tests/viewer/test_live.py does
 WITH_OTHERS = "--coordinator"  # waits for the other processes: tests/training/test_processes.py has them
 SWEEP = "sweep"  # starts Ray: tests/reproduction/test_sweep.py does
@@ -105,7 +106,7 @@ def _cruise(block: Block, arguments: list[str]) -> None:
     short = [word for word in arguments if word != "--open"]
     if WATCHED in short or WITH_OTHERS in short or command == SWEEP:
         short = [command, "--help"]
-    elif not (command == "reproduce" and "--report-only" in short):
+    elif not any(flags <= set(short) for flags in AS_IT_IS):
         short += shlex.split(MINIATURE.get(command, ""))
     said = io.StringIO()
     with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):

@@ -69,7 +69,12 @@ def test_the_command_prints_the_lap_and_writes_the_log(tmp_path, capsys):
         ("ring --log limit.csv", "--log must name a .npz file, got 'limit.csv'"),
         ("rnig", "unknown track 'rnig': did you mean 'ring'?"),
         ("ring --vehicle racr", "unknown vehicle 'racr': did you mean 'racer'?"),
-        ("ring --vehicle paper", "no equations for the limit of vehicle 'paper'"),
+        ("ring --vehicle paper --steps 30", "steps are not to be chosen for 'paper': its own are 0.1 s long"),
+        (
+            "ring --vehicle paper --largest-change 3",
+            "largest change of an action must be above 0 and at most 2",
+        ),
+        ("ring --vehicle paper --largest-change nan", "largest change of an action must be above 0"),
         ("ring --margin nan", "margin must be from 0 to less than 1 m"),
     ],
 )

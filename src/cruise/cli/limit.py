@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import tyro
+from rich.console import Console
 
 from cruise.cli.line_up import described
 from cruise.cli.outputs import check_output
@@ -24,15 +25,17 @@ class FindLimit:
     track: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="NAME|FILE")]
     """Built-in track, or path of a TOML file."""
     vehicle: str = "racer"
-    """One that is flown by thrust and body rates (`cruise vehicles` lists them)."""
+    """`cruise vehicles` lists them."""
     standing: bool = False
     """From hovering in the middle of gate 1, not in periodic flight."""
     laps: int = 1
     """Laps from standing that are optimal as a whole; in periodic flight, how often the log repeats the lap."""
     margin: float = 0.25
     """Kept from the edges of every opening [m]."""
-    steps: int = 20
-    """From gate to gate, in each of which a control is held: more are finer."""
+    steps: int | None = None
+    """From gate to gate, in each of which a control is held: more are finer. 20 if not given; not for `paper`."""
+    largest_change: float | None = None
+    """Of an action from one step of the controller to the next, 2 if not given; only for `paper`, gentle at 0.2."""
     log: Annotated[Path | None, described("FILE")] = None
     """Where to write the flight as a race log (.npz), for `cruise replay RACE.npz --ghost FILE`."""
 
@@ -41,12 +44,14 @@ class FindLimit:
         check_output("--log", self.log, ".npz")
         track, vehicle = load_one_track(self.track), find_vehicle(self.vehicle)
         import_extra("casadi", "limit", "the limit needs CasADi")
-        from cruise.limit.lap import MAX_LAPS, find_limit  # noqa: PLC0415  (imports CasADi, and JAX with the rotors)
+        from cruise.limit.lap import MAX_LAPS, Options, find_limit  # noqa: PLC0415  (imports CasADi, and JAX with the rotors)
         from cruise.limit.log import limit_log  # noqa: PLC0415
 
         if not 1 <= self.laps <= MAX_LAPS:
             raise CruiseError(f"--laps must be between 1 and {MAX_LAPS}, not {self.laps}")
-        limit = find_limit(track, vehicle, self.margin, self.laps if self.standing else 0, self.steps)
+        options = Options(self.margin, self.laps if self.standing else 0, self.steps, self.largest_change)
+        with Console(stderr=True).status("searching; a vehicle that is flown in steps takes a minute or two"):
+            limit = find_limit(track, vehicle, options)
         print("\n".join(told(limit)))
         if self.log is not None:
             limit_log(limit, self.laps).save(self.log)
@@ -62,7 +67,7 @@ def told(limit: "Limit") -> list[str]:
     struck = ", ".join(str(gate + 1) for gate in limit.frames_struck)
     note = [f"beware   this line runs through the frame of gate {struck}"] if struck else []
     return [
-        f"{limit.track.name} by {limit.vehicle.name} ({limit.model.name}), {kind}",
+        f"{limit.track.name} by {limit.vehicle.name} ({limit.equations}), {kind}",
         f"lap      {times} s",
         f"splits   {splits} s",
         f"speed    {limit.mean_speed:.2f} m/s on average, {limit.top_speed:.2f} m/s at most; "

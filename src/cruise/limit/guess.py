@@ -8,17 +8,22 @@ from cruise.limit.models import ATTITUDE, POSITION, VELOCITY, Model
 from cruise.limit.transcription import Lap
 
 
-def line(track: Track, model: Model, speed: float, steps: int, laps: int = 1) -> Lap:
-    """A spline through the middle of every gate along its normal, flown at about `speed` [m/s], level."""
+def spline(track: Track, speed: float, laps: int = 1) -> tuple[np.ndarray, CubicHermiteSpline]:
+    """Times from gate to gate [s], and a line along each gate's normal through its middle at `speed` [m/s]."""
     gates = [*track.gates * laps, track.gates[0]]
     places, yaw = np.array([gate.position_w for gate in gates]), np.array([gate.yaw for gate in gates])
     duration = np.linalg.norm(np.diff(places, axis=0), axis=1) / speed
     times = np.concatenate([[0.0], np.cumsum(duration)])
     slopes = speed * np.stack([np.cos(yaw), np.sin(yaw), np.zeros_like(yaw)], axis=1)
-    spline = CubicHermiteSpline(times, places, slopes)
+    return duration, CubicHermiteSpline(times, places, slopes)
+
+
+def line(track: Track, model: Model, speed: float, steps: int, laps: int = 1) -> Lap:
+    """The spline flown level, cut into so many steps from gate to gate."""
+    duration, path = spline(track, speed, laps)
     lap = Lap(duration, np.zeros((len(duration) * steps + 1, 0)), np.zeros((len(duration) * steps, 0)))
     state = np.tile(model.hover, (len(lap.clock), 1))
-    state[:, POSITION], state[:, VELOCITY] = spline(lap.clock), spline(lap.clock, 1)
+    state[:, POSITION], state[:, VELOCITY] = path(lap.clock), path(lap.clock, 1)
     return Lap(duration, state, np.tile(model.lift, (len(state) - 1, 1)))
 
 

@@ -10,13 +10,16 @@ from jaxtyping import Array
 from cruise.config import Track, Vehicle
 from cruise.errors import CruiseError
 from cruise.limit import guess
-from cruise.limit.models import POSITION, VELOCITY, Model, make_model, point_mass
+from cruise.limit.models import POSITION, VELOCITY, make_model, point_mass
+from cruise.limit.search import fastest
+from cruise.limit.stepped import LARGEST_CHANGE, SteppedLap, SteppedProblem
 from cruise.limit.transcription import Lap, Problem
 from cruise.racing.course import make_course
 from cruise.racing.gates import PlaneCrossing, cross_plane
 from cruise.racing.track_geometry import lap_length
 
 MAX_LAPS = 10  # as one programme
+STEPS = 20  # from gate to gate, in each of which a control is held
 FIRST_SPEEDS = (4.0, 8.0, 2.0)  # of the line that the search starts with, tried in turn [m/s]
 
 
@@ -26,8 +29,8 @@ class Limit:
 
     track: Track
     vehicle: Vehicle
-    model: Model
-    lap: Lap
+    equations: str  # of the vehicle, in a word or two
+    lap: Lap | SteppedLap
     standing_laps: int  # 0: periodic flight
 
     @property
@@ -65,41 +68,64 @@ def _on_frame(crossing: PlaneCrossing, track: Track) -> Array:
     return through & (crossing.offset > 0) & (crossing.offset <= track.frame_width)
 
 
-def find_limit(track: Track, vehicle: Vehicle, margin: float = 0.25, standing_laps: int = 0, steps: int = 20) -> Limit:
-    """The time-optimal flight of one drone alone: a point mass of the same thrust first, which starts the vehicle.
+@dataclass(frozen=True)
+class Options:
+    """How a limit is sought. Which of the last two counts is the vehicle's to say; the other must be None."""
 
-    Args:
-        track: to be flown.
-        vehicle: one that is flown by thrust and body rates.
-        margin: kept from the edges of every opening [m].
-        standing_laps: from hovering in the middle of gate 0; 0 for one lap in periodic flight.
-        steps: from gate to gate, in each of which a control is held.
+    margin: float = 0.25  # kept from the edges of every opening [m]
+    standing_laps: int = 0  # from hovering in the middle of gate 0; 0 for one lap in periodic flight
+    steps: int | None = None  # of a vehicle flown by thrust and body rates, from gate to gate; None for STEPS
+    largest_change: float | None = None  # of an action between the steps that a controller flies in; None for any
+
+
+def find_limit(track: Track, vehicle: Vehicle, options: Options | None = None) -> Limit:
+    """The time-optimal flight of one drone alone.
 
     Raises:
-        CruiseError: for a vehicle or margin that cannot be, or where the solver finds nothing.
+        CruiseError: for options that cannot be, or where the solver finds nothing.
     """
-    if vehicle.airframe is None:
-        raise CruiseError(
-            f"no equations for the limit of vehicle {vehicle.name!r}, which its controller flies in steps of "
-            f"{vehicle.control_dt:g} s; choose one that is flown by thrust and body rates (cruise vehicles)"
-        )
-    _check(track, margin, standing_laps, steps)
+    options = options or Options()
+    _check(track, vehicle, options)
+    return _stepped(track, vehicle, options) if vehicle.airframe is None else _smooth(track, vehicle, options)
+
+
+def _smooth(track: Track, vehicle: Vehicle, options: Options) -> Limit:
+    """A point mass of the same thrust first, which starts the vehicle."""
+    assert vehicle.airframe is not None
     drag = vehicle.airframe.drag.horizontal / vehicle.mass
     point = point_mass(vehicle.agility, vehicle.gravity, drag)
-    first = _from_scratch(Problem(track, point, margin, standing_laps), steps)
+    margin, laps = options.margin, options.standing_laps
+    first = _from_scratch(Problem(track, point, margin, laps), options.steps or STEPS)
     model = make_model(vehicle)
-    lap = Problem(track, model, margin, standing_laps).solve(guess.from_point_mass(first, model, vehicle.gravity))
-    return Limit(track, vehicle, model, lap, standing_laps)
+    lap = Problem(track, model, margin, laps).solve(guess.from_point_mass(first, model, vehicle.gravity))
+    return Limit(track, vehicle, model.name, lap, laps)
 
 
-def _check(track: Track, margin: float, standing_laps: int, steps: int) -> None:
+def _stepped(track: Track, vehicle: Vehicle, options: Options) -> Limit:
+    """The vehicle's own controller, whose commands the optimiser chooses."""
+    change = LARGEST_CHANGE if options.largest_change is None else options.largest_change
+    problem = SteppedProblem(track, vehicle, options.margin, options.standing_laps, change)
+    found = fastest(problem)
+    return Limit(track, vehicle, f"steps of {found.length:.4f} s", problem.lap(found), options.standing_laps)
+
+
+def _check(track: Track, vehicle: Vehicle, options: Options) -> None:
     widest = min(min(gate.width, gate.height) for gate in track.gates) / 2
+    margin, steps, change = options.margin, options.steps, options.largest_change
     if not (math.isfinite(margin) and 0 <= margin < widest):
         raise CruiseError(f"margin must be from 0 to less than {widest:g} m, half the smallest opening, not {margin}")
-    if not 0 <= standing_laps <= MAX_LAPS:
-        raise CruiseError(f"laps from standing must be from 1 to {MAX_LAPS}, not {standing_laps}")
-    if not 5 <= steps <= 200:
+    if not 0 <= options.standing_laps <= MAX_LAPS:
+        raise CruiseError(f"laps from standing must be from 1 to {MAX_LAPS}, not {options.standing_laps}")
+    if vehicle.airframe is None and steps is not None:
+        raise CruiseError(f"steps are not to be chosen for {vehicle.name!r}: its own are {vehicle.control_dt:g} s long")
+    if vehicle.airframe is None and (vehicle.integrator, vehicle.substeps) != ("euler", 1):
+        raise CruiseError(f"the limit of {vehicle.name!r} is known only with single steps of the explicit Euler method")
+    if vehicle.airframe is not None and change is not None:
+        raise CruiseError(f"the largest change of an action says nothing of {vehicle.name!r}, which has no steps")
+    if not 5 <= (steps or STEPS) <= 200:
         raise CruiseError(f"steps must be from 5 to 200, not {steps}")
+    if change is not None and not 0 < change <= LARGEST_CHANGE:
+        raise CruiseError(f"largest change of an action must be above 0 and at most {LARGEST_CHANGE:g}, not {change}")
 
 
 def _from_scratch(problem: Problem, steps: int) -> Lap:

@@ -3,9 +3,9 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from cruise.limit import cascade
 from cruise.limit.lap import Limit
 from cruise.limit.models import ATTITUDE, POSITION, VELOCITY
-from cruise.limit.transcription import Lap
 from cruise.storage.race_log import EVENT_KINDS, NOBODY, EventKind, RaceLog
 from cruise.storage.recorder import track_arrays
 
@@ -15,13 +15,13 @@ PILOT = "limit"
 def limit_log(limit: Limit, laps: int = 1) -> RaceLog:
     """Its flight, sampled as the vehicle's other races are; a lap in periodic flight is repeated `laps` times.
 
-    The clock starts in the plane of gate 0. Actions are not known and zero.
+    The clock starts in the plane of gate 0. Actions are not known, and zero, but for a vehicle that is flown in steps.
     """
-    lap = limit.lap if limit.standing_laps else repeated(limit.lap, laps)
-    dt, gates = limit.vehicle.control_dt, limit.track.gates
-    time = np.arange(int(np.ceil(lap.time / dt - 1e-9)) + 1) * dt
-    position, velocity, euler = (sampled(lap, time, part) for part in (POSITION, VELOCITY, ATTITUDE))
-    crossings = np.concatenate([[0.0], np.cumsum(lap.duration)])
+    lap, gates, dt = limit.lap, limit.track.gates, limit.vehicle.control_dt
+    duration = lap.duration if limit.standing_laps else np.tile(lap.duration, laps)
+    crossings = np.concatenate([[0.0], np.cumsum(duration)])
+    time = np.arange(int(np.ceil(crossings[-1] / dt - 1e-9)) + 1) * dt
+    at = np.minimum(time, lap.time) if limit.standing_laps else time % lap.time
     gate = np.arange(len(crossings)) % len(gates)
     event_time, event_gate = np.append(crossings, crossings[-1]), np.append(gate, gate[-1])
     kind = np.full(len(event_time), EventKind.CROSSING)
@@ -29,12 +29,12 @@ def limit_log(limit: Limit, laps: int = 1) -> RaceLog:
     passed = np.minimum(np.searchsorted(crossings, time, side="right"), len(crossings) - 1)
     return RaceLog(
         time=time,
-        position_w=position[:, None],
-        velocity_w=velocity[:, None],
-        euler=euler[:, None],
-        action=np.zeros((len(time), 1, 4), np.float32),
+        position_w=_between(limit, at, POSITION)[:, None],
+        velocity_w=_between(limit, at, VELOCITY)[:, None],
+        euler=_euler(limit, at)[:, None],
+        action=_action(limit, at)[:, None],
         next_gate=(passed % len(gates)).astype(np.int32)[:, None],
-        airborne=(time < lap.time)[:, None],
+        airborne=(time < crossings[-1])[:, None],
         **track_arrays(limit.track),
         event_time=event_time,
         event_drone=np.zeros(len(event_time), np.int32),
@@ -44,24 +44,31 @@ def limit_log(limit: Limit, laps: int = 1) -> RaceLog:
         event_kind_names=np.array(EVENT_KINDS),
         pilots=np.array([PILOT]),
         vehicle=limit.vehicle.name,
-        laps=len(lap.duration) // len(gates),
+        laps=len(duration) // len(gates),
         control_dt=dt,
         collision_distance=limit.vehicle.collision_distance,
         collision_aspect=limit.vehicle.collision_aspect,
     )
 
 
-def repeated(lap: Lap, laps: int) -> Lap:
-    """A lap in periodic flight, flown several times."""
-    state = np.concatenate([np.tile(lap.state[:-1], (laps, 1)), lap.state[-1:]])
-    return Lap(np.tile(lap.duration, laps), state, np.tile(lap.control, (laps, 1)))
+def _between(limit: Limit, time: np.ndarray, part: slice) -> np.ndarray:
+    """That part of the state by straight lines between those that were found."""
+    columns = limit.lap.state[:, part].T
+    return np.stack([np.interp(time, limit.lap.clock, column) for column in columns], axis=1).astype(np.float32)
 
 
-def sampled(lap: Lap, time: np.ndarray, part: slice) -> np.ndarray:
-    """Position, velocity or, of the attitude, roll, pitch and yaw, between the states by straight lines."""
-    values = lap.state[:, part]
-    if part == ATTITUDE:
-        turns = Rotation.from_quat(values[:, [1, 2, 3, 0]])
-        values = np.unwrap(turns.as_euler("ZYX")[:, ::-1], axis=0)
-    between = np.stack([np.interp(time, lap.clock, column) for column in values.T], axis=1)
-    return np.asarray(between, np.float32)
+def _euler(limit: Limit, time: np.ndarray) -> np.ndarray:
+    """Roll, pitch and yaw."""
+    if limit.vehicle.airframe is None:
+        return _between(limit, time, cascade.EULER)
+    turns = Rotation.from_quat(limit.lap.state[:, ATTITUDE][:, [1, 2, 3, 0]])
+    angles = np.unwrap(turns.as_euler("ZYX")[:, ::-1], axis=0)
+    found = np.stack([np.interp(time, limit.lap.clock, column) for column in angles.T], axis=1)
+    return np.unwrap(found, axis=0).astype(np.float32)  # of one lap after the other
+
+
+def _action(limit: Limit, time: np.ndarray) -> np.ndarray:
+    if limit.vehicle.airframe is not None:
+        return np.zeros((len(time), 4), np.float32)
+    step = np.searchsorted(limit.lap.clock, time, side="right") - 1
+    return limit.lap.control[np.minimum(step, len(limit.lap.control) - 1)].astype(np.float32)

@@ -77,24 +77,14 @@ class Problem:
         conditions = [*self._motion(unknown), *self._ends(unknown.states), *self._gates(unknown)]
         span = self.model.control[1] - self.model.control[0]
         change = (unknown.controls[:, 1:] - unknown.controls[:, :-1]) / span
-        programme: dict[str, Any] = {
-            "x": ca.veccat(*unknown),
-            "f": ca.sum1(unknown.durations) + SMOOTH * ca.sumsqr(change),
-            "g": ca.veccat(*(condition for condition, _ in conditions)),
-        }
-        solver = ca.nlpsol("lap", "ipopt", programme, _OPTIONS)
-        low, high = self._bounds(len(guess.duration), len(guess.control))
-        found = solver(
-            x0=np.concatenate([guess.duration, guess.state.ravel(), guess.control.ravel()]),
-            lbx=low,
-            ubx=high,
-            lbg=np.concatenate([bounds[0] for _, bounds in conditions]),
-            ubg=np.concatenate([bounds[1] for _, bounds in conditions]),
-        )
-        status = solver.stats()["return_status"]
-        if status not in ("Solve_Succeeded", "Solved_To_Acceptable_Level"):
-            raise CruiseError(f"no fastest lap of {self.track.name} by {self.model.name} found: IPOPT says {status}")
-        return _unpacked(np.array(found["x"]).ravel(), guess)
+        objective = ca.sum1(unknown.durations) + SMOOTH * ca.sumsqr(change)
+        start = np.concatenate([guess.duration, guess.state.ravel(), guess.control.ravel()])
+        bounds = self._bounds(len(guess.duration), len(guess.control))
+        try:
+            found = minimised(objective, ca.veccat(*unknown), conditions, start, bounds)
+        except CruiseError as error:
+            raise CruiseError(f"no fastest lap of {self.track.name} by {self.model.name} found: {error}") from error
+        return _unpacked(found, guess)
 
     def _motion(self, unknown: _Unknowns) -> list[Condition]:
         """Every step ends where the next begins, and what holds along the path holds at its start."""
@@ -105,16 +95,20 @@ class Problem:
         starts, ends = unknown.states[:, :-1], unknown.states[:, 1:]
         gap = shooting(self.model).map(nodes)(starts, unknown.controls, step) - ends
         if self.model.path is None:
-            return [(gap, _zeros(gap))]
+            return [(gap, zeros(gap))]
         low, high = self.model.path_range
         along = _function(self.model, self.model.path).map(nodes)(starts, unknown.controls)
-        return [(gap, _zeros(gap)), (along, (np.tile(low, nodes), np.tile(high, nodes)))]
+        return [(gap, zeros(gap)), (along, (np.tile(low, nodes), np.tile(high, nodes)))]
 
     def _gates(self, unknown: _Unknowns) -> list[Condition]:
         """Every stretch ends in the gate that it leads to."""
         stretches = unknown.durations.numel()
         steps, gates = unknown.controls.shape[1] // stretches, len(self.track.gates)
-        return [self._through(s % gates, unknown.states[:, s * steps]) for s in range(1, stretches + 1)]
+        conditions = []
+        for s in range(1, stretches + 1):
+            state = unknown.states[:, s * steps]
+            conditions.append(through(self.track.gates[s % gates], self.margin, state[POSITION], state[VELOCITY]))
+        return conditions
 
     def _ends(self, states: ca.MX) -> list[Condition]:
         """What joins the end of the lap with its start."""
@@ -127,16 +121,7 @@ class Problem:
             # Four components of a unit quaternion that are equal are three conditions: the turn between them is none.
             turn = _between(first[ATTITUDE], last[ATTITUDE])
             joined += [turn, apart[10:], ca.sumsqr(first[ATTITUDE]) - 1]
-        return [(condition, _zeros(condition)) for condition in joined]
-
-    def _through(self, gate: int, state: ca.MX) -> Condition:
-        """On the plane of a gate, inside its opening with the margin, in the direction of flight."""
-        opening = self.track.gates[gate]
-        place = gate_frame(opening, state[POSITION] - ca.DM(list(opening.position_w)))
-        speed = gate_frame(opening, state[VELOCITY])[0]
-        aside, up = opening.width / 2 - self.margin, opening.height / 2 - self.margin
-        low, high = np.array([0.0, -aside, -up, SLOWEST]), np.array([0.0, aside, up, np.inf])
-        return ca.vertcat(*place, speed), (low, high)
+        return [(condition, zeros(condition)) for condition in joined]
 
     def _bounds(self, stretches: int, nodes: int) -> Range:
         low, high = (np.tile(bound, (nodes + 1, 1)) for bound in self.model.state)
@@ -151,11 +136,23 @@ class Problem:
         )
 
 
-_OPTIONS: dict[str, Any] = {
+IPOPT: dict[str, Any] = {
     "expand": True,
     "print_time": False,
     "ipopt": {"print_level": 0, "sb": "yes", "max_iter": 2000, "tol": 1e-6, "acceptable_tol": 1e-4},
 }
+
+
+def minimised(objective: ca.MX, unknown: ca.MX, conditions: list[Condition], start: np.ndarray, bounds: Range) -> Any:
+    """The unknowns at a minimum near the start. Raises CruiseError where IPOPT finds none."""
+    programme = {"x": unknown, "f": objective, "g": ca.veccat(*(condition for condition, _ in conditions))}
+    solver = ca.nlpsol("lap", "ipopt", programme, IPOPT)
+    low, high = (np.concatenate([within[side] for _, within in conditions]) for side in (0, 1))
+    found = solver(x0=start, lbx=bounds[0], ubx=bounds[1], lbg=low, ubg=high)
+    status = solver.stats()["return_status"]
+    if status not in ("Solve_Succeeded", "Solved_To_Acceptable_Level"):
+        raise CruiseError(f"IPOPT says {status}")
+    return np.array(found["x"]).ravel()
 
 
 def start_of(track: Track, model: Model) -> np.ndarray:
@@ -163,6 +160,15 @@ def start_of(track: Track, model: Model) -> np.ndarray:
     state = model.hover.copy()
     state[POSITION] = track.gates[0].position_w
     return state
+
+
+def through(gate: Gate, margin: float, position: ca.MX, velocity: ca.MX) -> Condition:
+    """On the plane of a gate, inside its opening with the margin, in the direction of flight."""
+    place = gate_frame(gate, position - ca.DM(list(gate.position_w)))
+    speed = gate_frame(gate, velocity)[0]
+    aside, up = gate.width / 2 - margin, gate.height / 2 - margin
+    low, high = np.array([0.0, -aside, -up, SLOWEST]), np.array([0.0, aside, up, np.inf])
+    return ca.vertcat(*place, speed), (low, high)
 
 
 def gate_frame(gate: Gate, vector: ca.MX) -> tuple[ca.MX, ca.MX, ca.MX]:
@@ -194,5 +200,6 @@ def _between(a: ca.MX, b: ca.MX) -> ca.MX:
     return a[0] * b[1:4] - b[0] * a[1:4] - ca.cross(a[1:4], b[1:4])
 
 
-def _zeros(like: ca.MX) -> Range:
+def zeros(like: ca.MX) -> Range:
+    """Bounds of a condition that is an equation."""
     return np.zeros(like.numel()), np.zeros(like.numel())
