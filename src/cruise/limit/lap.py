@@ -13,7 +13,7 @@ from cruise.limit import guess
 from cruise.limit.models import POSITION, VELOCITY, make_model, point_mass
 from cruise.limit.search import fastest
 from cruise.limit.stepped import LARGEST_CHANGE, SteppedLap, SteppedProblem
-from cruise.limit.transcription import Lap, Problem
+from cruise.limit.transcription import Lap, Problem, first_found
 from cruise.racing.course import make_course
 from cruise.racing.gates import PlaneCrossing, cross_plane
 from cruise.racing.track_geometry import lap_length
@@ -130,9 +130,8 @@ def _check(track: Track, vehicle: Vehicle, options: Options) -> None:
 
 def _from_scratch(problem: Problem, steps: int) -> Lap:
     """The first of several smooth lines that leads to a lap."""
-    for speed in FIRST_SPEEDS:
-        try:
-            return problem.solve(guess.line(problem.track, problem.model, speed, steps, problem.standing_laps or 1))
-        except CruiseError as error:
-            fault = error
-    raise fault
+
+    def solved(speed: float) -> Lap:
+        return problem.solve(guess.line(problem.track, problem.model, speed, steps, problem.standing_laps or 1))
+
+    return first_found(solved, FIRST_SPEEDS)

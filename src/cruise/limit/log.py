@@ -6,6 +6,7 @@ from scipy.spatial.transform import Rotation
 from cruise.limit import cascade
 from cruise.limit.lap import Limit
 from cruise.limit.models import ATTITUDE, POSITION, VELOCITY
+from cruise.limit.transcription import between
 from cruise.storage.race_log import EVENT_KINDS, NOBODY, EventKind, RaceLog
 from cruise.storage.recorder import track_arrays
 
@@ -29,8 +30,8 @@ def limit_log(limit: Limit, laps: int = 1) -> RaceLog:
     passed = np.minimum(np.searchsorted(crossings, time, side="right"), len(crossings) - 1)
     return RaceLog(
         time=time,
-        position_w=_between(limit, at, POSITION)[:, None],
-        velocity_w=_between(limit, at, VELOCITY)[:, None],
+        position_w=_part(limit, at, POSITION)[:, None],
+        velocity_w=_part(limit, at, VELOCITY)[:, None],
         euler=_euler(limit, at)[:, None],
         action=_action(limit, at)[:, None],
         next_gate=(passed % len(gates)).astype(np.int32)[:, None],
@@ -51,20 +52,18 @@ def limit_log(limit: Limit, laps: int = 1) -> RaceLog:
     )
 
 
-def _between(limit: Limit, time: np.ndarray, part: slice) -> np.ndarray:
-    """That part of the state by straight lines between those that were found."""
-    columns = limit.lap.state[:, part].T
-    return np.stack([np.interp(time, limit.lap.clock, column) for column in columns], axis=1).astype(np.float32)
+def _part(limit: Limit, time: np.ndarray, part: slice) -> np.ndarray:
+    """That part of the state at these times of the lap."""
+    return between(time, limit.lap.clock, limit.lap.state[:, part]).astype(np.float32)
 
 
 def _euler(limit: Limit, time: np.ndarray) -> np.ndarray:
     """Roll, pitch and yaw."""
     if limit.vehicle.airframe is None:
-        return _between(limit, time, cascade.EULER)
+        return _part(limit, time, cascade.EULER)
     turns = Rotation.from_quat(limit.lap.state[:, ATTITUDE][:, [1, 2, 3, 0]])
     angles = np.unwrap(turns.as_euler("ZYX")[:, ::-1], axis=0)
-    found = np.stack([np.interp(time, limit.lap.clock, column) for column in angles.T], axis=1)
-    return np.unwrap(found, axis=0).astype(np.float32)  # of one lap after the other
+    return np.unwrap(between(time, limit.lap.clock, angles), axis=0).astype(np.float32)  # of one lap after the other
 
 
 def _action(limit: Limit, time: np.ndarray) -> np.ndarray:

@@ -13,6 +13,7 @@ from cruise.errors import CruiseError
 from cruise.limit import guess
 from cruise.limit.cascade import POSITION, STATE_SIZE, VELOCITY
 from cruise.limit.stepped import SteppedProblem, Steps, at_rest
+from cruise.limit.transcription import between, first_found
 
 GENTLE = 0.2  # change of an action from step to step
 SPEEDS = (3.0, 1.5, 5.0)  # of the line that the search starts with, tried in turn [m/s]
@@ -44,12 +45,7 @@ def fastest(problem: SteppedProblem) -> Steps:
 
 def _from_scratch(problem: SteppedProblem) -> Steps:
     """The first of several smooth lines that leads to a lap."""
-    for speed in SPEEDS:
-        try:
-            return _settled(problem, first_line(problem, speed))
-        except CruiseError as error:
-            fault = error
-    raise fault
+    return first_found(lambda speed: _settled(problem, first_line(problem, speed)), SPEEDS)
 
 
 def first_line(problem: SteppedProblem, speed: float) -> Steps:
@@ -106,12 +102,11 @@ def _shifted(steps: Steps, moves: np.ndarray) -> Steps:
 
 def _exact(problem: SteppedProblem, steps: Steps) -> Steps:
     """In steps of the vehicle's length: the same flight or, where that cannot be, one that takes a little longer."""
-    for slower in SLOWER:
-        try:
-            return _settled(problem, _recut(problem, replace(steps, length=slower * steps.length)), exact=True)
-        except CruiseError as error:
-            fault = error
-    raise fault
+
+    def settled(slower: float) -> Steps:
+        return _settled(problem, _recut(problem, replace(steps, length=slower * steps.length)), exact=True)
+
+    return first_found(settled, SLOWER)
 
 
 def _recut(problem: SteppedProblem, steps: Steps) -> Steps:
@@ -128,13 +123,9 @@ def _recut(problem: SteppedProblem, steps: Steps) -> Steps:
         length=steps.length * end / wanted,
         crossed=crossed,
         share=place - crossed,
-        state=_between(new, old, steps.state),
-        action=_between(new[:-1], old[:-1], steps.action),
+        state=between(new, old, steps.state),
+        action=between(new[:-1], old[:-1], steps.action),
     )
-
-
-def _between(new: np.ndarray, old: np.ndarray, values: np.ndarray) -> np.ndarray:
-    return np.stack([np.interp(new, old, column) for column in values.T], axis=1)
 
 
 def _shaken(problem: SteppedProblem, best: Steps) -> Steps:

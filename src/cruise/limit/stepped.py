@@ -14,7 +14,7 @@ from cruise.config import Track, Vehicle
 from cruise.errors import CruiseError
 from cruise.limit.cascade import EULER, MEMORY, POSITION, STATE_SIZE, STEEPEST, VELOCITY, error_of_one, make_step
 from cruise.limit.models import Range
-from cruise.limit.transcription import SMOOTH, Condition, minimised, through, zeros
+from cruise.limit.transcription import SMOOTH, Condition, between, minimised, through, zeros
 
 LARGEST_CHANGE = 2.0  # of an action from step to step: from one end of its range to the other
 INSTANT = 1e-9  # [s]
@@ -95,10 +95,10 @@ class SteppedProblem:
         count = len(steps.action)
         state = np.concatenate([steps.state[:-1], steps.state])  # twice the lap; from standing the second is not used
         ends = np.arange(len(state)) * steps.length
-        between = ends[(ends > start + INSTANT) & (ends < gates[-1] - INSTANT)]
-        clock = np.array([start, *between, gates[-1]])
+        inner = ends[(ends > start + INSTANT) & (ends < gates[-1] - INSTANT)]
+        clock = np.array([start, *inner, gates[-1]])
         held = (clock[:-1] / steps.length + INSTANT).astype(int) % count
-        at_clock = np.stack([np.interp(clock, ends, column) for column in state.T], axis=1)
+        at_clock = between(clock, ends, state)
         return SteppedLap(np.diff(gates, prepend=start), clock - start, at_clock, steps.action[held])
 
     def solve(self, guess: Steps, exact: bool, rounding: float) -> Steps:

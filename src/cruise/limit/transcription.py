@@ -1,8 +1,8 @@
 """A time-optimal lap as a nonlinear programme: direct multiple shooting, a stretch of equal steps from gate to gate."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import casadi as ca
 import numpy as np
@@ -12,6 +12,7 @@ from cruise.errors import CruiseError
 from cruise.limit.models import ATTITUDE, POSITION, VELOCITY, Model, Range
 
 Condition = tuple[ca.MX, Range]  # an expression, and within which bounds it must lie
+Found = TypeVar("Found")
 SMOOTH = 1e-5  # weight of the controls' squared changes, over their range: picks one of many equal optima
 SLOWEST = 0.2  # least speed through a gate along its normal [m/s]
 
@@ -136,7 +137,7 @@ class Problem:
         )
 
 
-IPOPT: dict[str, Any] = {
+_OPTIONS: dict[str, Any] = {
     "expand": True,
     "print_time": False,
     "ipopt": {"print_level": 0, "sb": "yes", "max_iter": 2000, "tol": 1e-6, "acceptable_tol": 1e-4},
@@ -146,13 +147,29 @@ IPOPT: dict[str, Any] = {
 def minimised(objective: ca.MX, unknown: ca.MX, conditions: list[Condition], start: np.ndarray, bounds: Range) -> Any:
     """The unknowns at a minimum near the start. Raises CruiseError where IPOPT finds none."""
     programme = {"x": unknown, "f": objective, "g": ca.veccat(*(condition for condition, _ in conditions))}
-    solver = ca.nlpsol("lap", "ipopt", programme, IPOPT)
+    solver = ca.nlpsol("lap", "ipopt", programme, _OPTIONS)
     low, high = (np.concatenate([within[side] for _, within in conditions]) for side in (0, 1))
     found = solver(x0=start, lbx=bounds[0], ubx=bounds[1], lbg=low, ubg=high)
     status = solver.stats()["return_status"]
     if status not in ("Solve_Succeeded", "Solved_To_Acceptable_Level"):
         raise CruiseError(f"IPOPT says {status}")
     return np.array(found["x"]).ravel()
+
+
+def first_found(solve: Callable[[float], Found], values: Iterable[float]) -> Found:
+    """What the first value with a solution leads to. Raises the last CruiseError where none has one."""
+    fault = CruiseError("nothing to try")
+    for value in values:
+        try:
+            return solve(value)
+        except CruiseError as error:
+            fault = error
+    raise fault
+
+
+def between(new: np.ndarray, old: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Rows of `values`, which belong to the times `old`, at the times `new` by straight lines, [N, X]."""
+    return np.stack([np.interp(new, old, column) for column in values.T], axis=1)
 
 
 def start_of(track: Track, model: Model) -> np.ndarray:

@@ -17,13 +17,12 @@ Game = tuple[tuple[str, ...], tuple[int, ...]]  # entrants and their places
 
 def win_rate(meetings: Sequence[HeadToHead], one: str, other: str) -> Pooled:
     """Share of the duels between two entrants that `one` won; a duel that nobody won counts for neither."""
-    return pool_rate([_wins(m, one) for h in meetings for m in h.meetings if set(m.entrants) == {one, other}], 1)
+    return pool_rate([_wins(m, one) for m in _duels(meetings, one, other)], 1)
 
 
 def duel_survival(meetings: Sequence[HeadToHead], one: str, other: str) -> Pooled:
     """Share of the duels between two entrants that `one` finished."""
-    met = [m for h in meetings for m in h.meetings if set(m.entrants) == {one, other}]
-    return pool_rate([_finishes(m, one) for m in met], 1)
+    return pool_rate([_finishes(m, one) for m in _duels(meetings, one, other)], 1)
 
 
 def field_wins(meetings: Sequence[HeadToHead], entrant: str) -> Pooled:
@@ -33,13 +32,16 @@ def field_wins(meetings: Sequence[HeadToHead], entrant: str) -> Pooled:
 
 def field_survival(meetings: Sequence[HeadToHead], entrant: str) -> Pooled:
     """Share of the mixed races of all entrants that one of them finished."""
-    fields = _fields(meetings)
-    return pool_rate([_finishes(m, entrant) for m in fields], 1)
+    return pool_rate([_finishes(m, entrant) for m in _fields(meetings)], 1)
 
 
 def field_place(meetings: Sequence[HeadToHead], entrant: str) -> Pooled:
     """Mean place of an entrant in the mixed races of all."""
     return pool([[float(rank[m.entrants.index(entrant)]) for rank in m.rank] for m in _fields(meetings)])
+
+
+def _duels(meetings: Sequence[HeadToHead], one: str, other: str) -> list[Meeting]:
+    return [m for h in meetings for m in h.meetings if set(m.entrants) == {one, other}]
 
 
 def _fields(meetings: Sequence[HeadToHead]) -> list[Meeting]:
