@@ -272,3 +272,4 @@ class TrainConfig:
     ppo: PPOConfig = field(default_factory=PPOConfig)
     opponents: SelfPlayConfig = field(default_factory=SelfPlayConfig)
     randomisation: Randomisation = field(default_factory=Randomisation)
+    milder_share: float = 0.0  # of the races in training that differ by less than that, by any part of it as often

@@ -76,6 +76,20 @@ def test_what_is_not_random_stays_out_of_the_state() -> None:
     assert perturbation(RING, RACER, Randomisation()) is None
 
 
+def test_milder_races_meet_one_part_of_all_that_is_random() -> None:
+    """A share of the races is less random, every deviation of such a race by the same factor, evenly from 0 to 1."""
+    vehicle = made_for(RACER, FULL)
+    draw = quick_jit(perturbation(RING, vehicle, FULL, milder_share=0.5), static_argnums=1)
+    conditions = draw(jax.random.key(0), (64, 2 * RACES))  # 64 drones: the farthest from the middle tells the spread
+    moved = np.abs(np.asarray(conditions.parameters.mass) / RACER.mass - 1).max(axis=0) / FULL.mass_spread
+    pulled = np.abs(np.asarray(conditions.parameters.thrust_gain) - 1).max(axis=0) / FULL.thrust_spread
+    np.testing.assert_allclose(moved, pulled, atol=0.25)
+    assert max(moved.max(), pulled.max()) <= 1.0001
+    milder = moved < 0.85
+    assert np.mean(milder) == pytest.approx(0.5 * 0.86, abs=0.07)
+    np.testing.assert_allclose(np.quantile(moved[milder], [0.25, 0.5, 0.75]), [0.21, 0.42, 0.63], atol=0.08)
+
+
 def test_a_longer_delay_is_remembered() -> None:
     late = FULL.scaled(2.0)
     assert made_for(RACER, late).airframe.longest_delay == pytest.approx(2 * FULL.extra_delay)

@@ -37,6 +37,8 @@ def _faults(config: TrainConfig) -> Iterator[str]:
     yield from _not_positive(config, "step_scale", "collision_distance", "checkpoint_seconds")
     yield from _ppo_faults(config.ppo)
     yield from _opponent_faults(config.opponents)
+    if not 0 <= config.milder_share <= 1:
+        yield f"milder_share must be between 0 and 1, not {config.milder_share}"
     if config.against and config.drones == 1:
         yield "against names who flies the opponents, and one drone has none: raise drones"
     phase = plan_phases(config)[-1]
