@@ -26,6 +26,13 @@ def test_lists_names_and_provenance(shipped, capsys):
     assert rows[0].count(" - ") == 3
 
 
+def test_long_names_are_whole_in_a_narrow_terminal(shipped, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    write_policy(shipped / "racer-figure-eight-sturdy", results={"mean_speed": {"mean": 12.13}})
+    assert main(["policies"]) == 0
+    assert "racer-figure-eight-sturdy" in capsys.readouterr().out
+
+
 def test_says_when_there_are_none(shipped, capsys):
     assert main(["policies"]) == 0
     assert "no policies are shipped" in capsys.readouterr().out

@@ -13,7 +13,7 @@ import pytest
 
 from cruise.config import TrainConfig
 from cruise.errors import CruiseError
-from cruise.presets import TRACKS
+from cruise.presets import RANDOMISATION, TRACKS
 from cruise.racing.track_file import RANDOM
 from cruise.storage import policy_paths, tensors
 from cruise.storage.config_file import to_data
@@ -69,15 +69,20 @@ def test_shipped_ones_are_found_by_name(tmp_path, monkeypatch):
 
 
 def test_what_is_shipped_is_sound():
-    """Each policy in pairs of files, named after track, vehicle and drones, measured, and loadable."""
+    """Each policy in pairs of files, named after track, vehicle and drones, measured, and loadable.
+
+    Sturdy ones fly where they are asked for by name; they are random by all that is full.
+    """
     files = {path.name for path in policy_paths.SHIPPED.glob("*")} - {"__init__.py", "__pycache__"}
     policies = list_policies()
     assert files == {name + ending for name in policies for ending in (".json", ".safetensors")}
     for name, about in policies.items():
-        assert name == shipped_name(about.track, about.drones, about.vehicle)
+        assert name.removesuffix("-sturdy") == shipped_name(about.track, about.drones, about.vehicle)
         assert about.track in (*TRACKS, RANDOM)
         assert (about.results["track"], about.results["drones"]) == (about.track, about.drones)
         assert load_policy(name).name == name
+        if name.endswith("-sturdy"):
+            assert about.config["randomisation"] == dataclasses.asdict(RANDOMISATION[about.vehicle])
 
 
 def edited(change):

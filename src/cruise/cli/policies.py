@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Column, Table
@@ -30,7 +31,8 @@ class Policies:
 def policy_table(policies: "dict[str, PolicyMeta]") -> Table:
     """One row per policy."""
     titles = ("steps", "seed", "success", "lap", "speed")
-    table = Table("policy", *(Column(title, justify="right") for title in titles), "version")
+    columns = (Column("policy", no_wrap=True), *(Column(title, justify="right") for title in titles), "version")
+    table = Table(*columns, box=SIMPLE_HEAD, pad_edge=False, collapse_padding=True)  # a name is whole in 80 columns
     for name, meta in policies.items():
         success, lap, speed = (measured(meta, key) for key in ("success_rate", "flying_lap_time", "mean_speed"))
         results = (
