@@ -31,7 +31,7 @@ class Policies:
 def policy_table(policies: "dict[str, PolicyMeta]") -> Table:
     """One row per policy."""
     titles = ("steps", "seed", "success", "lap", "speed")
-    columns = (Column("policy", no_wrap=True), *(Column(title, justify="right") for title in titles), "version")
+    columns = (Column("policy", no_wrap=True), *(Column(title, justify="right") for title in titles), Column("version"))
     table = Table(*columns, box=SIMPLE_HEAD, pad_edge=False, collapse_padding=True)  # a name is whole in 80 columns
     for name, meta in policies.items():
         success, lap, speed = (measured(meta, key) for key in ("success_rate", "flying_lap_time", "mean_speed"))
