@@ -37,8 +37,7 @@ def _faults(config: TrainConfig) -> Iterator[str]:
     yield from _not_positive(config, "step_scale", "collision_distance", "checkpoint_seconds")
     yield from _ppo_faults(config.ppo)
     yield from _opponent_faults(config.opponents)
-    if not 0 <= config.milder_share <= 1:
-        yield f"milder_share must be between 0 and 1, not {config.milder_share}"
+    yield from _not_shares(config, "milder_share")
     if config.against and config.drones == 1:
         yield "against names who flies the opponents, and one drone has none: raise drones"
     phase = plan_phases(config)[-1]
@@ -55,9 +54,7 @@ def _ppo_faults(ppo: PPOConfig) -> Iterator[str]:
         yield f"races ({ppo.races}) must be at least rollout_steps ({ppo.rollout_steps})"
     yield from _not_positive(ppo, "learning_rate", "clip_ratio", "max_grad_norm")
     yield from _below(0, ppo, "final_learning_rate", "value_weight", "entropy_weight", "caution_distance")
-    for name in ("gamma", "gae_lambda", "entropy_hold", "entropy_end", "least_noise"):
-        if not 0 <= getattr(ppo, name) <= 1:
-            yield f"{name} must be between 0 and 1, not {getattr(ppo, name)}"
+    yield from _not_shares(ppo, "gamma", "gae_lambda", "entropy_hold", "entropy_end", "least_noise")
     if ppo.entropy_end < ppo.entropy_hold:
         yield f"entropy_end ({ppo.entropy_end}) must not be below entropy_hold ({ppo.entropy_hold})"
     if ppo.least_noise == 0:
@@ -71,9 +68,7 @@ def _opponent_faults(opponents: SelfPlayConfig) -> Iterator[str]:
     yield from _below(0, opponents, "patience", "league")
     if len(opponents.founders) > opponents.league:
         yield f"{len(opponents.founders)} founders need as many places: league is {opponents.league}"
-    for name in ("win_threshold", "sparring_share"):
-        if not 0 <= getattr(opponents, name) <= 1:
-            yield f"{name} must be between 0 and 1, not {getattr(opponents, name)}"
+    yield from _not_shares(opponents, "win_threshold", "sparring_share")
 
 
 def _not_finite(config: object) -> Iterator[str]:
@@ -89,6 +84,12 @@ def _below(least: int, config: object, *names: str) -> Iterator[str]:
     for name in names:
         if getattr(config, name) < least:
             yield f"{name} must be {least} or more, not {getattr(config, name)}"
+
+
+def _not_shares(config: object, *names: str) -> Iterator[str]:
+    for name in names:
+        if not 0 <= getattr(config, name) <= 1:
+            yield f"{name} must be between 0 and 1, not {getattr(config, name)}"
 
 
 def _not_positive(config: object, *names: str) -> Iterator[str]:
