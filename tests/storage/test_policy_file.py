@@ -66,6 +66,9 @@ def test_shipped_ones_are_found_by_name(tmp_path, monkeypatch):
     assert shipped_name("split-s", 1, "racer") == "racer-split-s"
     with pytest.raises(CruiseError, match="'split-s' with 2 drones and vehicle 'racer'; shipped"):
         shipped_name("split-s", 2, "racer")
+    write_policy(tmp_path / "racer-split-s-field", vehicle="racer", track="split-s", drones=8)
+    assert shipped_name("split-s", 2, "racer") == shipped_name("split-s", 8, "racer") == "racer-split-s-field"
+    assert shipped_name("split-s", 1, "racer") == "racer-split-s"
 
 
 def test_what_is_shipped_is_sound():

@@ -131,7 +131,7 @@ def _vanilla_fails(evidence: Evidence) -> Claim:
 
 def _wins_duels(evidence: Evidence, other: str) -> Claim:
     claim, printed = f"CRUISE wins its duels with {KINDS[other].title}", "not raced"
-    met = {track: evidence.meetings.get((track, DUEL), ()) for track in evidence.scale.tracks}
+    met = {track: evidence.met(track, DUEL) for track in evidence.scale.tracks}
     rates = {track: win_rate(duels, "cruise", other) for track, duels in met.items()}
     known = {track: rate.mean for track, rate in rates.items() if rate.known}
     if not known:

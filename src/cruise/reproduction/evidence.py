@@ -51,6 +51,10 @@ class Evidence:
             for stage, by_seed in sorted(found.items())
         }
 
+    def met(self, track: str, drones: int) -> tuple[HeadToHead, ...]:
+        """The head-to-head races of so many drones, one per seed; none where they were not flown."""
+        return self.meetings.get((track, drones), ())
+
     @property
     def all_cells(self) -> Iterator[Cell]:
         """Every cell."""

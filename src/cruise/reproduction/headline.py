@@ -28,7 +28,7 @@ def _ingredient(evidence: Evidence, question: str, without: str, fixed: str) -> 
 
 def _winner(evidence: Evidence, track: str, ratings: dict[str, list[Rating]]) -> str:
     rated = [rating for rating in ratings.get(track, []) if rating.skill.known]
-    duels = evidence.meetings.get((track, DUEL), ())
+    duels = evidence.met(track, DUEL)
     if not rated or not duels:
         return f"On the {track}: not known yet, the races have not been run."
     best = rated[0]

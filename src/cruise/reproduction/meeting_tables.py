@@ -13,7 +13,7 @@ def duel_table(evidence: Evidence) -> Table:
     """Win rates of every pair."""
     rows: list[tuple[Entry, ...]] = []
     for track in evidence.scale.tracks:
-        met = evidence.meetings.get((track, DUEL), ())
+        met = evidence.met(track, DUEL)
         for one, other in permutations(ENTRANTS, 2):
             rate = win_rate(met, one, other) if met else None
             races = str(rate.races) if rate else "0"
@@ -35,7 +35,7 @@ def field_table(evidence: Evidence, ratings: dict[str, list[Rating]]) -> Table:
     """Mixed fields of four, and ratings."""
     rows: list[tuple[Entry, ...]] = []
     for track in evidence.scale.tracks:
-        met = evidence.meetings.get((track, MIXED), ())
+        met = evidence.met(track, MIXED)
         skills = {rating.entrant: rating.skill for rating in ratings.get(track, [])}
         for kind in ENTRANTS:
             won, finished, place = ((f(met, kind) if met else None) for f in (field_wins, field_survival, field_place))

@@ -37,7 +37,7 @@ def giving_way(evidence: Evidence) -> Point:
     """Who wins a duel between one who looks out for others and one who does not."""
     told = []
     for track in evidence.scale.tracks:
-        duels = evidence.meetings.get((track, DUEL), ())
+        duels = evidence.met(track, DUEL)
         own = {kind: evidence.summary(kind, track, DUEL) for kind in ("cruise", "vanilla")}
         won = win_rate(duels, "cruise", "vanilla")
         if not won.known or not all(own.values()):

@@ -151,7 +151,7 @@ def duels(evidence: Evidence) -> Drawing:
     names = tuple(KINDS[kind].title for kind in ENTRANTS)
     matrices = []
     for track in evidence.scale.tracks:
-        met = evidence.meetings.get((track, DUEL), ())
+        met = evidence.met(track, DUEL)
         rates = tuple(
             tuple(None if one == other else _rate(win_rate(met, one, other)) for other in ENTRANTS) for one in ENTRANTS
         )

@@ -165,15 +165,14 @@ def list_policies() -> dict[str, PolicyMeta]:
 def shipped_name(track: str, drones: int, vehicle: str = "paper") -> str:
     """Name of the shipped policy of a track and a vehicle: `TRACK-DRONES` for the paper's, `VEHICLE-TRACK` for others.
 
-    For a drone alone on a track for which there is none it is the one trained on random tracks. One that was trained
-    alone is for a drone alone: it has met nobody.
+    One that was trained alone is for a drone alone: it has met nobody. Then the one for several is VEHICLE-TRACK-field.
+    For a drone alone on a track for which there is none it is the one trained on random tracks.
 
     Raises:
         CruiseError: there is none; it names those there are.
     """
     names = [f"{track}-{drones}" if vehicle == "paper" else f"{vehicle}-{track}"]
-    if drones == 1:
-        names.append(f"{vehicle}-{RANDOM}")
+    names.append(f"{vehicle}-{RANDOM}" if drones == 1 else f"{vehicle}-{track}-field")
     there = [name for name in names if with_ending(policy_paths.SHIPPED / name, ".json").is_file()]
     name = next((name for name in there if drones == 1 or read_meta(name).drones > 1), None)
     if name is None:
