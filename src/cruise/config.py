@@ -273,3 +273,4 @@ class TrainConfig:
     opponents: SelfPlayConfig = field(default_factory=SelfPlayConfig)
     randomisation: Randomisation = field(default_factory=Randomisation)
     milder_share: float = 0.0  # of the races in training that differ by less than that, by any part of it as often
+    nominal_share: float = 0.0  # of the races in training that do not differ at all

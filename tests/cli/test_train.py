@@ -63,6 +63,7 @@ BAD_INPUT = {
     "tau": ("--win-threshold 1.5", "win_threshold must be between 0 and 1, not 1.5"),
     "sparring": ("--sparring-share 1.1", "sparring_share must be between 0 and 1, not 1.1"),
     "milder races": ("--milder-share -0.1", "milder_share must be between 0 and 1, not -0.1"),
+    "nominal races": ("--nominal-share 2", "nominal_share must be between 0 and 1, not 2.0"),
     "patience": ("--patience -1", "patience must be 0 or more, not -1"),
     "evaluations": ("--evaluate-every 0", "evaluate_every must be 1 or more, not 0"),
     "episode": ("--episode-steps 0", "episode_steps must be 1 or more, not 0"),

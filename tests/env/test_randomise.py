@@ -90,6 +90,21 @@ def test_milder_races_meet_one_part_of_all_that_is_random() -> None:
     np.testing.assert_allclose(np.quantile(moved[milder], [0.25, 0.5, 0.75]), [0.21, 0.42, 0.63], atol=0.08)
 
 
+def test_nominal_races_are_as_vehicle_and_track_say() -> None:
+    """In a share of the races every number is the vehicle's own, in the others hardly any."""
+    draw = quick_jit(perturbation(RING, made_for(RACER, FULL), FULL, nominal_share=0.5), static_argnums=1)
+    parameters, surroundings = draw(jax.random.key(0), (2, RACES))
+    nominal = np.asarray(surroundings.gusts.speed) == 0
+    assert np.mean(nominal) == pytest.approx(0.5, abs=0.06)
+    assert not np.asarray(surroundings.errors.bias)[..., nominal].any()
+    np.testing.assert_allclose(
+        surroundings.gates.position_w[:, 0, nominal], [[x] * nominal.sum() for x in RING.gates[0].position_w]
+    )
+    for name, own in (("mass", RACER.mass), ("thrust_gain", 1.0), ("clip_share", 0.0), ("delay", 0.0)):
+        is_own = np.isclose(np.asarray(getattr(parameters, name)), own, rtol=1e-6, atol=0).all(axis=0)
+        np.testing.assert_array_equal(is_own, nominal, err_msg=name)
+
+
 def test_a_longer_delay_is_remembered() -> None:
     late = FULL.scaled(2.0)
     assert made_for(RACER, late).airframe.longest_delay == pytest.approx(2 * FULL.extra_delay)

@@ -58,30 +58,32 @@ def check_randomisation(vehicle: Vehicle, randomisation: Randomisation) -> None:
 
 
 def perturbation(
-    track: Track, vehicle: Vehicle, randomisation: Randomisation, milder_share: float = 0.0
+    track: Track, vehicle: Vehicle, randomisation: Randomisation, milder_share: float = 0.0, nominal_share: float = 0.0
 ) -> Callable[[Array, Shape], Conditions] | None:
     """What `make_race_env` takes to draw races so; None where nothing is random.
 
-    Of the races, `milder_share` are less random than `randomisation` says: all of it times one number from 0 to 1.
+    Of the races, `nominal_share` are as vehicle and track say; of the others `milder_share` are less random than
+    `randomisation` says: all of it times one number from 0 to 1.
     """
     strengths = {name: value for name, value in dataclasses.asdict(randomisation).items() if value}
 
     def draw(key: Array, shape: Shape) -> Conditions:
         drawn: Strengths = strengths
-        if milder_share:
-            key, milder_key = jax.random.split(key)
-            part = _part(milder_share, milder_key, shape[1:])
+        if milder_share or nominal_share:
+            key, part_key = jax.random.split(key)
+            part = _part(milder_share, nominal_share, part_key, shape[1:])
             drawn = {name: value * part for name, value in strengths.items()}
         return draw_conditions(track, vehicle, drawn, key, shape)
 
     return draw if strengths or track.variants else None
 
 
-def _part(milder_share: float, key: Array, races: Shape) -> Array:
-    """How much of the randomisation each race meets: all of it, or any part as often."""
+def _part(milder_share: float, nominal_share: float, key: Array, races: Shape) -> Array:
+    """How much of the randomisation each race meets: all of it, any part as often, or none."""
     chosen, how_much = jax.random.split(key)
     milder = jax.random.uniform(chosen, races) < milder_share
-    return jnp.where(milder, jax.random.uniform(how_much, races), 1.0)
+    nominal = jax.random.uniform(jax.random.fold_in(key, 2), races) < nominal_share
+    return jnp.where(nominal, 0.0, jnp.where(milder, jax.random.uniform(how_much, races), 1.0))
 
 
 def draw_conditions(

@@ -69,7 +69,7 @@ class Trainer:
         self.steps_per_update = config.ppo.races * config.ppo.rollout_steps
         self.total_steps = self.total_updates * self.steps_per_update
         vehicle = made_for(vehicle, config.randomisation)
-        perturb = perturbation(track, vehicle, config.randomisation, config.milder_share)
+        perturb = perturbation(track, vehicle, config.randomisation, config.milder_share, config.nominal_share)
         self.env: RaceEnv = make_race_env(track, config.drones, vehicle, config.observation, config.reward, perturb)
         self.optimiser = make_optimiser(config.ppo, self.total_updates)
         self.mesh = make_mesh(devices or choose_devices(config.ppo.races))

@@ -37,7 +37,7 @@ def _faults(config: TrainConfig) -> Iterator[str]:
     yield from _not_positive(config, "step_scale", "collision_distance", "checkpoint_seconds")
     yield from _ppo_faults(config.ppo)
     yield from _opponent_faults(config.opponents)
-    yield from _not_shares(config, "milder_share")
+    yield from _not_shares(config, "milder_share", "nominal_share")
     if config.against and config.drones == 1:
         yield "against names who flies the opponents, and one drone has none: raise drones"
     phase = plan_phases(config)[-1]
