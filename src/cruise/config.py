@@ -6,7 +6,7 @@ from typing import Literal
 Vec3 = tuple[float, float, float]
 Integrator = Literal["euler", "semi_implicit", "midpoint", "rk4"]
 Control = Literal["acceleration", "velocity", "position", "ctbr"]
-ObservationKind = Literal["extended", "paper", "body"]
+ObservationKind = Literal["extended", "paper", "body", "body-near"]
 SelfPlayMode = Literal["within", "after", "off"]
 OUR_SIMULATOR = "cruise"  # what moves the drones where no other is named
 
@@ -205,6 +205,7 @@ class PPOConfig:
     max_log_std: float = 0.0  # of the policy's Gaussian; the environment clips actions to [-1, 1]
     caution_distance: float = 5.0  # an opponent nearer than this narrows the noise in proportion; 0: none does [m]
     least_noise: float = 0.1  # share of the noise that caution leaves
+    company_distance: float = 0.0  # advantages with an opponent nearer than this are standardised apart [m]
 
 
 @dataclass(frozen=True)

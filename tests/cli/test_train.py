@@ -52,6 +52,7 @@ BAD_INPUT = {
     "noise below nothing": ("--least-noise -1", "least_noise must be between 0 and 1, not -1.0"),
     "no noise left": ("--least-noise 0", "least_noise must be above 0"),
     "caution": ("--caution-distance -2", "caution_distance must be 0 or more, not -2.0"),
+    "company": ("--company-distance -1", "company_distance must be 0 or more, not -1.0"),
     "no layers": ("--hidden", "hidden must name the width of at least one layer"),
     "empty layer": ("--hidden 64 0", "hidden must name the width of at least one layer, each from 1 to 65536"),
     "huge layer": ("--hidden 99999999", "hidden must name the width of at least one layer, each from 1 to 65536"),

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from cruise.config import Track, Vehicle
+from cruise.config import ObservationKind, Track, Vehicle
 from cruise.dynamics import DroneState, FreeBody, Parameters
 from cruise.dynamics.quadrotor import Memory
-from cruise.env.observation_body import CORNER_RANGE, NEAREST, OPPONENT_RANGE, OPPONENT_SIZE, SPEED_RANGE
+from cruise.env.observation_body import CORNER_RANGE, NEAREST, NOTICE, OPPONENT_RANGE, OPPONENT_SIZE, SPEED_RANGE
 from cruise.env.race_env import RaceEnv, make_race_env
 from cruise.env.surroundings import Conditions
 from cruise.env.types import RaceState, race_rules
@@ -26,8 +26,8 @@ RULES = arrays(race_rules(RACER.agility, 0.25, 0))
 
 
 @functools.cache
-def race_env(drones: int, vehicle: Vehicle = RACER, track: Track = RING) -> RaceEnv:
-    env = make_race_env(track, drones, vehicle, "body")
+def race_env(drones: int, vehicle: Vehicle = RACER, track: Track = RING, kind: ObservationKind = "body") -> RaceEnv:
+    env = make_race_env(track, drones, vehicle, kind)
     reset = quick_jit(env.reset, static_argnums=(1, 2))
     return env._replace(reset=reset, step=quick_jit(env.step), observe=quick_jit(env.observe))
 
@@ -58,6 +58,13 @@ def of_drones(state: RaceState, order: list[int]) -> RaceState:
     memory = memory._replace(wrench=memory.wrench[:, rows], commands=memory.commands[:, :, rows])
     lists = {name: getattr(state, name)[rows] for name in ("next_gate", "gates_passed", "out", "finished")}
     return state._replace(drones=state.drones._replace(body=body, memory=memory), **lists)
+
+
+def with_others(state: RaceState, offset: jax.Array) -> RaceState:
+    """The race with drones at such offsets from where the first is."""
+    body = state.drones.body
+    moved = body._replace(position_w=body.position_w[:, :1] + offset)
+    return state._replace(drones=state.drones._replace(body=moved))
 
 
 def matrices(state: RaceState) -> np.ndarray:
@@ -128,9 +135,10 @@ def test_a_field_is_seen_as_a_larger_one_whose_other_drones_are_out() -> None:
     np.testing.assert_allclose(alone[:OWN, 0], np.asarray(small)[:OWN, 0], atol=1e-6)
 
 
-def test_the_nearest_three_are_seen_nearest_first() -> None:
+@pytest.mark.parametrize("kind", ["body", "body-near"])
+def test_the_nearest_three_are_seen_nearest_first(kind: ObservationKind) -> None:
     state = random_race(5, out=0.3)
-    seen = np.asarray(race_env(5).observe(state))[OWN:].reshape(NEAREST, OPPONENT_SIZE, 5, RACES)
+    seen = np.asarray(race_env(5, kind=kind).observe(state))[OWN:].reshape(NEAREST, OPPONENT_SIZE, 5, RACES)
     position, flying = np.asarray(state.drones.position_w), np.asarray(state.airborne)
     turn, velocity = matrices(state), np.asarray(state.drones.velocity_w)
     for i in range(5):
@@ -143,10 +151,23 @@ def test_the_nearest_three_are_seen_nearest_first() -> None:
                     assert (got == 0).all()
                     continue
                 offset, motion = (x[:, others[slot], e] - x[:, i, e] for x in (position, velocity))
+                apart = np.linalg.norm(offset)
+                fading = np.interp(apart, [NOTICE / 2, NOTICE], [1, 0]) if kind == "body-near" else 1
                 expected = np.concatenate(
                     [offset @ turn[i, e] / OPPONENT_RANGE, motion @ turn[i, e] / SPEED_RANGE, [1]]
                 )
-                np.testing.assert_allclose(got, np.clip(expected, -3, 3), atol=1e-4)
+                np.testing.assert_allclose(got, np.clip(fading * expected, -3, 3), atol=1e-4)
+
+
+def test_a_drone_that_leads_by_enough_sees_what_it_would_see_alone() -> None:
+    """Whatever the others do: not one number tells it that they are there."""
+    state = random_race(3, out=0.0)
+    away = jnp.outer(jnp.array([0.6, 0.0, 0.8]), jnp.array([0.0, NOTICE + 0.01, -NOTICE - 0.01]))[..., None]
+    apart, near = with_others(state, away), with_others(state, 0.9 * away)
+    env = race_env(3, kind="body-near")
+    seen = np.asarray(env.observe(apart))[:, 0]
+    np.testing.assert_array_equal(seen, np.asarray(race_env(1).observe(of_drones(apart, [0])))[:, 0])
+    assert (np.asarray(env.observe(near))[OWN + OPPONENT_SIZE - 1, 0] > 0).all()
 
 
 def test_every_direction_looks_alike() -> None:

@@ -8,7 +8,7 @@ from tests.env.races import RING, race_env, random_race
 
 
 @pytest.mark.parametrize("drones", [1, 3])
-@pytest.mark.parametrize("kind", ["extended", "paper", "body"])
+@pytest.mark.parametrize("kind", ["extended", "paper", "body", "body-near"])
 def test_sizes_and_bounds(kind, drones):
     env = race_env(drones)
     state = random_race(env, out=0.3 if drones > 1 else 0.0)

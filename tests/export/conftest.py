@@ -11,12 +11,18 @@ from tests.storage.policies import meta
 KINDS = {
     "shipped": ("ring", 4, "extended"),
     "agile": ("ring", 8, "body"),
+    "agile-near": ("figure-eight", 8, "body-near"),
     "agile-alone": ("figure-eight", 1, "body"),
     "alone": ("figure-eight", 1, "extended"),
     "paper": ("figure-eight", 3, "paper"),
 }
-SHIPPED = {"shipped": "ring-4", "agile": "racer-ring", "agile-alone": "racer-random"}
-AGILE = ("agile", "agile-alone")
+SHIPPED = {
+    "shipped": "ring-4",
+    "agile": "racer-ring",
+    "agile-near": "racer-figure-eight-field",
+    "agile-alone": "racer-random",
+}
+AGILE = ("agile", "agile-near", "agile-alone")
 
 
 def policy_of(kind):

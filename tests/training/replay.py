@@ -66,13 +66,13 @@ def replay(before: TrainState, starts: RaceState, rules: Rules, alone: bool, own
         older &= ~restart
         observation = np.asarray(env.observe(races))
         opponents = {use: networks_actions(model, observation[:, 1]) for use, model in generations(before)}
-        scale = np.array([noise_scale(races, e) for e in range(older.size)])
+        nearest = np.array([nearest_opponent(races, e) for e in range(older.size)], np.float64)
         theirs = np.where(older, opponents[True], opponents[False])
         flown = np.array(env.decode(races, np.stack([action, theirs], axis=1).astype(np.float32)))
         by_hand = np.asarray(before.sparring.speed[1]) > 0
         flown[:, 1, by_hand] = np.asarray(chase()(races, before.sparring, rules.agility))[:, 1, by_hand]
         races, outcome = env.step(races, jnp.asarray(flown), rules)
-        row = transition(before.model, observation[:, 0], action, scale, outcome)
+        row = transition(before.model, observation[:, 0], action, nearest, outcome)
         lived.append(row | {"restarted": restart})
         races, restart = numpy_copy(races), np.asarray(outcome.terminated[0])
     columns = {name: np.stack([row[name] for row in lived]) for name in lived[0]}
@@ -84,24 +84,24 @@ def replay(before: TrainState, starts: RaceState, rules: Rules, alone: bool, own
     return Replayed(columns, last_value, races, older, restarted)
 
 
-def noise_scale(races: RaceState, race: int) -> float:
-    """Share of the noise of the active drone, by how far its nearest opponent in the air is."""
-    ppo = TINY.ppo
+def nearest_opponent(races: RaceState, race: int) -> float:
+    """How far from the active drone its nearest opponent in the air is."""
     airborne = ~(races.out | races.finished)[1:, race]
     separations = np.linalg.norm(np.diff(races.drones.body.position_w[:, :2, race], axis=1), axis=0)
-    near = separations[airborne] / ppo.caution_distance
-    return max(ppo.least_noise, min([1.0, *near]))
+    return min([np.inf, *separations[airborne]])
 
 
 def transition(
-    model: ActorCritic, observation: np.ndarray, action: np.ndarray, scale: np.ndarray, outcome
+    model: ActorCritic, observation: np.ndarray, action: np.ndarray, nearest: np.ndarray, outcome
 ) -> dict[str, np.ndarray]:
     """One step as `Transitions` names it."""
     mean = reference.mean_action(model, observation)
+    scale = np.clip(nearest / TINY.ppo.caution_distance, TINY.ppo.least_noise, 1.0)
     return {
         "observation": observation,
         "action": action,
         "noise_scale": scale,
+        "in_company": nearest < TINY.ppo.company_distance,
         "log_prob": reference.log_prob(mean, model.log_std, np.float64(action), scale),
         "value": reference.value(model, observation),
         "reward": np.asarray(outcome.reward[0]),

@@ -139,7 +139,9 @@ def test_actions_are_the_mean_and_white_noise_narrower_beside_an_opponent():
         for seen, flown, scale in zip(observation, action, scales, strict=True):
             std = np.exp(np.float64(before.model.log_std))[:, None] * scale
             noise.append((flown - reference.mean_action(before.model, seen)) / std)
+        assert 0.02 < again.transitions["in_company"].mean() < 0.98
     assert (two_rollouts(True)[0][3].transitions["noise_scale"] == 1).all()
+    assert not two_rollouts(True)[0][3].transitions["in_company"].any()
     noise = np.array(noise)
     assert abs(noise.mean()) < 0.05
     assert noise.std() == pytest.approx(1.0, abs=0.05)

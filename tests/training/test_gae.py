@@ -16,7 +16,8 @@ def experience_of(reward, value, terminated, last_value) -> Experience:
     reward, value, last_value = (jnp.asarray(x, jnp.float32) for x in (reward, value, last_value))
     steps, races = reward.shape
     nothing = jnp.zeros((steps, 1, races))
-    transitions = Transitions(nothing, nothing, value, nothing[:, 0], value, reward, jnp.asarray(terminated, bool))
+    none, end = jnp.zeros((steps, races), bool), jnp.asarray(terminated, bool)
+    transitions = Transitions(nothing, nothing, value, none, nothing[:, 0], value, reward, end)
     return Experience(transitions, last_value, {})
 
 

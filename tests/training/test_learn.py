@@ -30,7 +30,10 @@ CONFIG = PPOConfig(
 
 
 class Problem(NamedTuple):
-    """Reward = bonus + slope o - cost |a - target - tilt o|^2, for one observation o and two actions a."""
+    """Reward = bonus + slope o - cost |a - target - tilt o|^2, for one observation o and two actions a.
+
+    Where o is positive an opponent is near, and chance of deviation `luck` comes on top.
+    """
 
     observation: np.ndarray  # [T, E]
     last_observation: np.ndarray  # [E]
@@ -40,6 +43,7 @@ class Problem(NamedTuple):
     cost: float = 0.0
     target: float = 0.0
     tilt: float = 0.0
+    luck: float = 0.0
 
 
 def one_step(observation: np.ndarray | float = 0.0, **reward: float) -> Problem:
@@ -57,7 +61,11 @@ def live(model: ActorCritic, problem: Problem, key: jax.Array) -> Experience:
     reward = problem.bonus + problem.slope * problem.observation - problem.cost * (miss**2).sum(1)
     density = jax.vmap(log_prob, in_axes=(0, None, 0))(mean, model.log_std, action)
     value = model.value(problem.observation[None])
-    transitions = Transitions(observation, action, jnp.ones_like(value), density, value, reward, problem.terminated > 0)
+    chance = jax.random.normal(jax.random.fold_in(key, 1), reward.shape)
+    company = problem.observation > 0
+    reward += problem.luck * jnp.where(company, chance, 0.0)
+    ended = problem.terminated > 0
+    transitions = Transitions(observation, action, jnp.ones_like(value), company, density, value, reward, ended)
     return Experience(transitions, model.value(problem.last_observation[None]), {})
 
 
@@ -121,6 +129,15 @@ def test_the_best_action_is_found_and_its_value_known(target):
 def test_the_best_action_depends_on_what_is_seen():
     model = learned(one_step(coin(1), cost=1.0, target=0.1, tilt=0.5))
     np.testing.assert_allclose(actions_at(model, -1.0, 1.0), [[-0.4, 0.6]] * 2, atol=0.06)
+
+
+def test_luck_in_company_does_not_drown_what_is_learned_alone():
+    """Half of the steps are ruled by chance: standardised by it, the others teach next to nothing."""
+    problem = one_step(coin(2), cost=1.0, target=0.6, luck=300.0)
+    configs = (replace(CONFIG, company_distance=distance) for distance in (0.0, 5.0))
+    together, apart = (actions_at(learned(problem, config), -1.0) for config in configs)
+    np.testing.assert_allclose(apart, 0.6, atol=0.05)
+    assert (abs(together - 0.6) > 0.2).all()
 
 
 def test_a_later_reward_is_discounted():

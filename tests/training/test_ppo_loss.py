@@ -33,7 +33,9 @@ def a_batch(model: ActorCritic, seed: int = 0, drift: float = 0.3) -> Batch:
     old = reference.log_prob(mean, model.log_std, action, noise_scale) + drift * rng.normal(size=SAMPLES)
     advantage, target = rng.normal(2.0, 3.0, size=(2, SAMPLES))
     advantage = (advantage - advantage.mean()) / advantage.std()  # as a minibatch has them
-    return Batch(*(jnp.asarray(x, jnp.float32) for x in (observation, action, noise_scale, old, advantage, target)))
+    company = np.zeros(SAMPLES)
+    columns = (observation, action, noise_scale, company, old, advantage, target)
+    return Batch(*(jnp.asarray(x, jnp.float32) for x in columns))
 
 
 def parameters_of(model: ActorCritic) -> dict[str, list]:

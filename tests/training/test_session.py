@@ -1,18 +1,22 @@
 """What a run leaves in its folder."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from cruise.errors import CruiseError
 from cruise.pilots.neural import NeuralPilot
+from cruise.presets import TRACKS, VEHICLES, training_config
 from cruise.storage.checkpoint import CURRENT, PREVIOUS
 from cruise.storage.config_file import load_config
 from cruise.storage.policy_file import load_policy, read_meta, read_policy
 from cruise.training import session as session_module
+from cruise.training.beginning import first_state
 from cruise.training.metrics_log import METRICS
 from cruise.training.session import CONFIG, resume_config
+from cruise.training.trainer import Trainer
 from tests.training.runs import TINY, UPDATES, bits, open_session, tiny_trainer, train, uninterrupted, whole_run
 
 __all__ = ["open_session", "uninterrupted"]  # fixtures
@@ -125,6 +129,17 @@ def test_a_best_response_learns_against_one_policy_that_never_changes(open_sessi
     expected = bits(read_policy(champion).params)
     assert bits(session.state.opponents.newest) == bits(session.state.opponents.previous) == expected
     assert bits(session.state.model) != expected
+
+
+def test_a_policy_can_learn_to_see_less_but_not_be_flown_so():
+    """The same numbers, some of which fade: it goes on from there, but opponents are flown as they were trained."""
+    usual = training_config("racer", 2)
+    config = replace(usual, observation="body-near", start_from="racer-ring", ppo=replace(usual.ppo, races=64))
+    trainer = Trainer(config, TRACKS["ring"], VEHICLES["racer"])
+    assert bits(first_state(trainer).model) == bits(read_policy("racer-ring").params)
+    trainer.config = replace(config, against="racer-ring")
+    with pytest.raises(CruiseError, match="by the body observation, this run trains for a racer by the body-near one"):
+        first_state(trainer)
 
 
 @pytest.mark.parametrize(

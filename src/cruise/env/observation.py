@@ -9,7 +9,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from cruise.dynamics.types import Dynamics
-from cruise.env.observation_body import body_observation
+from cruise.env.observation_body import NOTICE as BODY_NOTICE
+from cruise.env.observation_body import body_observation, noticed
 from cruise.env.ranks import ranks
 from cruise.env.types import RaceState
 from cruise.racing.course import Course, pick
@@ -130,8 +131,7 @@ def _nearest_first(normal: Array, state: RaceState) -> list[Float[Array, "9 N *B
         closeness = [jnp.exp(-separation), time / LOOK_AHEAD, jnp.exp(-norm(offset + motion * time))]
         vectors = [to_gate_frame(normal, offset), to_gate_frame(normal, motion)]
         seen = jnp.concatenate([vectors[0] / OPPONENT_RANGE, vectors[1] / OPPONENT_RANGE, jnp.stack(closeness)])
-        noticed = jnp.clip(2.0 - 2.0 * separation / NOTICE, 0.0, 1.0)
-        features.append(jnp.where(here, noticed * jnp.clip(seen, -LIMIT, LIMIT), 0.0))
+        features.append(jnp.where(here, noticed(separation, NOTICE) * jnp.clip(seen, -LIMIT, LIMIT), 0.0))
         separations.append(jnp.where(here, separation, ABSENT))
     places = ranks(separations)
 
@@ -153,8 +153,13 @@ def gate_action(course: Course, next_gate: Int[Array, "*B"], action: Float[Array
     return from_gate_frame(pick(course.normal_w, next_gate), action)
 
 
-OBSERVATIONS = {"paper": paper_observation, "extended": extended_observation, "body": body_observation}
-FOR_ANY_FIELD = frozenset({"body"})  # do not depend on the number of drones
+OBSERVATIONS: dict[str, Callable[[Course, Dynamics, RaceState], Array]] = {
+    "paper": paper_observation,
+    "extended": extended_observation,
+    "body": body_observation,
+    "body-near": functools.partial(body_observation, notice=BODY_NOTICE),
+}
+FOR_ANY_FIELD = frozenset({"body", "body-near"})  # do not depend on the number of drones; the same numbers
 
 
 def action_decoder(kind: str, dynamics: Dynamics) -> Callable[[Course, Array, Array], Array]:

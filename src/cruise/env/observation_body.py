@@ -1,6 +1,7 @@
 """What a drone sees from its own seat: gates, motion and the nearest opponents in the frame of its body."""
 
 import functools
+import math
 import operator
 
 import jax.numpy as jnp
@@ -15,13 +16,16 @@ from cruise.vector import dot, norm, stored
 
 CORNER_RANGE, SPEED_RANGE, HEIGHT_RANGE, OPPONENT_RANGE = 10.0, 10.0, 4.0, 5.0  # scales [m], [m/s]
 NEAREST = 3  # opponents that are seen
+NOTICE = 6.0  # of `body-near`: farther away than this an opponent is not seen, within half of it whole [m]
 GATES_AHEAD = 2
 LIMIT = 3.0  # clipped to [-LIMIT, LIMIT]
 ABSENT = 1e6  # sorts an opponent that left the air behind all others [m]
 OPPONENT_SIZE = 7
 
 
-def body_observation(course: Course, dynamics: Dynamics, state: RaceState) -> Float[Array, "O N *B"]:
+def body_observation(
+    course: Course, dynamics: Dynamics, state: RaceState, notice: float = math.inf
+) -> Float[Array, "O N *B"]:
     """The corners of the next two gates, own motion, what the vehicle feels of itself, and the nearest opponents.
 
     Everything is along the body's axes (forward, left, up), so that it looks the same wherever the drone flies and
@@ -29,6 +33,8 @@ def body_observation(course: Course, dynamics: Dynamics, state: RaceState) -> Fl
     velocity and a 1; zeros where there are fewer. So the size, 52 + K with K numbers of `Dynamics.internal`, depends
     neither on the number of drones nor on their order, and one policy can race in fields of any size. Clipped to
     [-3, 3].
+
+    With `notice` [m], opponents fade out with distance and are gone there: who leads by as much flies as if alone.
     """
     position, velocity = state.drones.position_w, state.drones.velocity_w
     turn = stored(dynamics.rotation(state.drones))
@@ -42,7 +48,7 @@ def body_observation(course: Course, dynamics: Dynamics, state: RaceState) -> Fl
         turn[2],  # up
         dynamics.internal(state.drones),
         position[2:] / HEIGHT_RANGE,
-        *_nearest_first(turn, state),
+        *_nearest_first(turn, state, notice),
     ]
     return jnp.clip(jnp.concatenate(parts), -LIMIT, LIMIT)
 
@@ -66,7 +72,7 @@ def _corners(
     return [(centre + sideways * left + upwards * up) / CORNER_RANGE for sideways, upwards in ways]
 
 
-def _nearest_first(turn: Float[Array, "3 3 N *B"], state: RaceState) -> list[Float[Array, "7 N *B"]]:
+def _nearest_first(turn: Float[Array, "3 3 N *B"], state: RaceState, notice: float) -> list[Float[Array, "7 N *B"]]:
     """Seven numbers for each of the nearest opponents in the air; zeros where there is none."""
     position, velocity, airborne = state.drones.position_w, state.drones.velocity_w, state.airborne
     seen, separations = [], []
@@ -86,8 +92,14 @@ def _nearest_first(turn: Float[Array, "3 3 N *B"], state: RaceState) -> list[Flo
             for i in range(2)
         )
         present = functools.reduce(operator.or_, chosen)[None].astype(jnp.float32)
-        slots.append(
-            jnp.concatenate([to_body(turn, offset) / OPPONENT_RANGE, to_body(turn, motion) / SPEED_RANGE, present])
+        numbers = jnp.concatenate(
+            [to_body(turn, offset) / OPPONENT_RANGE, to_body(turn, motion) / SPEED_RANGE, present]
         )
+        slots.append(numbers if math.isinf(notice) else noticed(norm(offset), notice) * numbers)
     nobody = jnp.zeros((OPPONENT_SIZE, *airborne.shape))
     return slots + [nobody] * (NEAREST - len(slots))
+
+
+def noticed(separation: Float[Array, "*B"], notice: float) -> Float[Array, "*B"]:
+    """How much of an opponent so far away is seen: all within half of `notice`, nothing beyond it [m]."""
+    return jnp.clip(2.0 - 2.0 * separation / notice, 0.0, 1.0)

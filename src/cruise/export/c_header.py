@@ -17,7 +17,7 @@ from cruise.export.recording import Recording
 from cruise.pilots.network import Perceptron
 from cruise.presets import VEHICLES
 from cruise.storage.onnx_file import first_action
-from cruise.storage.policy_file import Policy, PolicyMeta
+from cruise.storage.policy_file import Policy
 
 OWN = ("position_w", "velocity_w", "euler", "attitude", "angular_velocity_b")  # of a state, where a vehicle has it
 SAMPLES = 8  # of recorded flight, for the self test
@@ -27,6 +27,7 @@ SEES = {
     "extended": "its own flight, three gates and the others, in the frame of the target gate",
     "paper": "the state vector of the CRUISE paper",
     "body": "two gates, its own flight and the nearest others, in the frame of its body",
+    "body-near": "two gates, its own flight and the nearest others, fading, in the frame of its body",
 }
 TO_WORLD = """\
     const float c = cosf(gates[state->next_gate].yaw), s = sinf(gates[state->next_gate].yaw);
@@ -37,7 +38,10 @@ SCALES = (
     *("DISTANCE_MAX", "SPEED_MAX", "EPSILON", "GATE_RANGE", "OPPONENT_RANGE", "SPEED_RANGE", "HEIGHT_RANGE"),
     *("LOOK_AHEAD", "MIN_CLOSING_SPEED", "LIMIT", "ABSENT", "NOTICE"),
 )
-BODY_SCALES = ("CORNER_RANGE", "SPEED_RANGE", "HEIGHT_RANGE", "OPPONENT_RANGE", "LIMIT", "NEAREST", "GATES_AHEAD")
+BODY_SCALES = (
+    *("CORNER_RANGE", "SPEED_RANGE", "HEIGHT_RANGE", "OPPONENT_RANGE", "LIMIT"),
+    *("NEAREST", "GATES_AHEAD"),
+)
 
 
 def prefix_of(policy: Policy) -> str:
@@ -49,10 +53,10 @@ def prefix_of(policy: Policy) -> str:
 def c_header(policy: Policy, track: Track, recording: Recording) -> str:
     """The header's text. `recording` gives the samples of its self test."""
     own = _by_acceleration if airframe_of(policy.meta) is None else _by_thrust_and_rates
-    words = _common(policy, track, recording) | own(policy.meta, track)
+    words = _common(policy, track, recording) | own(policy, track)
     parts = {
         "about": f"about_{words['flown']}",
-        "observe": f"observe_{policy.meta.observation}",
+        "observe": f"observe_{policy.meta.observation.removesuffix('-near')}",
         "command": f"command_{words['flown']}",
     }
     filled = {name: _template(f"{part}.h.in").substitute(words).rstrip() for name, part in parts.items()}
@@ -86,8 +90,9 @@ def _common(policy: Policy, track: Track, recording: Recording) -> dict[str, Any
     }
 
 
-def _by_acceleration(meta: PolicyMeta, track: Track) -> dict[str, Any]:
+def _by_acceleration(policy: Policy, track: Track) -> dict[str, Any]:
     """What is the paper's vehicle's own."""
+    meta = policy.meta
     gains = vars(VEHICLES[meta.vehicle].controller)
     scales = {name: getattr(env, name) for name in SCALES}
     scales |= {name: getattr(cascade, name) for name in ("RATE_SCALE", "AGILITY_SCALE")}
@@ -102,8 +107,9 @@ def _by_acceleration(meta: PolicyMeta, track: Track) -> dict[str, Any]:
     }
 
 
-def _by_thrust_and_rates(meta: PolicyMeta, track: Track) -> dict[str, Any]:
+def _by_thrust_and_rates(policy: Policy, track: Track) -> dict[str, Any]:
     """What belongs to a vehicle that is flown by thrust and body rates."""
+    meta = policy.meta
     vehicle, airframe = VEHICLES[meta.vehicle], airframe_of(meta)
     assert airframe is not None
     scales = {name: getattr(body, name) for name in BODY_SCALES}
@@ -119,11 +125,17 @@ def _by_thrust_and_rates(meta: PolicyMeta, track: Track) -> dict[str, Any]:
         ),
         "decode": "    (void)gates;",
         "highest_rates": braces(airframe.rates.highest),
+        "noticed": _noticed(prefix_of(policy)) if meta.observation == "body-near" else "1.0f",
         "hovering": braces(first_action(meta)),
         "vehicle": vehicle.name,
         "mass": f"{vehicle.mass:g}",
         "thrust_to_weight": f"{meta.agility / vehicle.gravity:.3g}",
     }
+
+
+def _noticed(prefix: str) -> str:
+    """How much is seen of who is so far away, as `cruise.env.observation_body.noticed`."""
+    return f"{prefix}_clip(2.0f - 2.0f * separation / {literal(body.NOTICE)}, 0.0f, 1.0f)"
 
 
 def _template(name: str) -> Template:

@@ -13,7 +13,10 @@ from cruise.presets import VEHICLES
 from cruise.storage.onnx_file import FORMAT_VERSION, Contract, ExportedGate, Interface, ObservationEntry
 from cruise.storage.policy_file import Policy
 
-OBSERVATIONS = {"acceleration": ("extended", "paper"), "ctbr": ("body",)}  # that are rebuilt, by what an action means
+OBSERVATIONS = {  # that are rebuilt, by what an action means
+    "acceleration": ("extended", "paper"),
+    "ctbr": ("body", "body-near"),
+}
 
 
 def export_env(policy: Policy, track: Track) -> RaceEnv:

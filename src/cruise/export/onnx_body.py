@@ -10,10 +10,10 @@ from cruise.export.onnx_values import Graph, Value
 CORNERS = ((1.0, 1.0), (1.0, -1.0), (-1.0, -1.0), (-1.0, 1.0))  # left, up
 
 
-def body(g: Graph, state: StateInputs, airframe: Airframe) -> Value:
-    """[B, O] as `cruise.env.observation_body.body_observation`."""
+def body(g: Graph, state: StateInputs, airframe: Airframe, *, near: bool) -> Value:
+    """[B, O] as `cruise.env.observation_body.body_observation`; with `near`, opponents fade."""
     turn = _rotation(g, state)
-    own = g.stack([state.velocity]) @ turn
+    own, opponents = g.stack([state.velocity]) @ turn, _opponents(g, state, turn)
     parts = [
         *(_corners(g, state, turn, gate_ahead(g, state, ahead)) for ahead in range(env.GATES_AHEAD)),
         g.squeeze(own, 1) / env.SPEED_RANGE,
@@ -21,7 +21,7 @@ def body(g: Graph, state: StateInputs, airframe: Airframe) -> Value:
         state.rates / np.array([airframe.rates.highest], np.float32),
         g.clip(state.previous_action, -1.0, 1.0),
         g.part(state.position, 2, 3) / env.HEIGHT_RANGE,
-        _opponents(g, state, turn),
+        g.shaped(_faded(g, opponents) if near else opponents, 0, -1),
     ]
     return g.clip(g.join(parts), -env.LIMIT, env.LIMIT)
 
@@ -58,11 +58,11 @@ def _corners(g: Graph, state: StateInputs, turn: Value, gate: Value) -> Value:
 
 
 def _opponents(g: Graph, state: StateInputs, turn: Value) -> Value:
-    """[B, 21] the nearest, nearest first; zeros where there are fewer."""
+    """[B, 3, 7] the nearest, nearest first; zeros where there are fewer."""
     zero = g.expand(g.part(state.position, 0, 1) * 0.0, 2)
     nobody = g.join([g.join([zero] * env.OPPONENT_SIZE, axis=2)] * env.NEAREST)
     if state.others_position is None:
-        return g.shaped(nobody, 0, -1)
+        return nobody
     assert state.others_velocity is not None
     assert state.others_airborne is not None
     offset = state.others_position - g.expand(state.position, 1)
@@ -74,5 +74,10 @@ def _opponents(g: Graph, state: StateInputs, turn: Value) -> Value:
     seen = g.join([g.node("Where", here, features, features * 0.0, kind=np.float32), nobody])
     far = g.join([zero + env.ABSENT] * env.NEAREST)
     ranked = g.join([g.node("Where", here, separation, separation * 0.0 + env.ABSENT, kind=np.float32), far])
-    nearest = nearest_first(g, ranked, seen, g.constant(np.array([env.NEAREST], np.int64)))
-    return g.shaped(nearest, 0, -1)
+    return nearest_first(g, ranked, seen, g.constant(np.array([env.NEAREST], np.int64)))
+
+
+def _faded(g: Graph, opponents: Value) -> Value:
+    """[B, 3, 7] less of who is farther away, as `cruise.env.observation_body.noticed`."""
+    separation = g.norm(g.part(opponents, 0, 3)) * env.OPPONENT_RANGE
+    return g.clip(2.0 - 2.0 * separation / env.NOTICE, 0.0, 1.0) * opponents

@@ -4,6 +4,7 @@ import jax
 import numpy as np
 
 from cruise.config import TrainConfig
+from cruise.env.observation import FOR_ANY_FIELD
 from cruise.errors import CruiseError
 from cruise.pilots.network import ActorCritic
 from cruise.storage.policy_file import read_policy
@@ -21,7 +22,7 @@ def first_state(trainer: Trainer) -> TrainState:
     state, config = trainer.initial_state(), trainer.config
     model, pool, league = state.model, state.opponents, state.league
     if config.start_from:
-        model = _fitting(config.start_from, config, state.model)
+        model = _fitting(config.start_from, config, state.model, *_read_alike(config.observation))
         pool = pool._replace(newest=model, previous=model)
     if config.against:
         opponent = _fitting(config.against, config, state.model)
@@ -32,11 +33,19 @@ def first_state(trainer: Trainer) -> TrainState:
     return trainer.place(state._replace(model=model, opponents=pool, league=league))
 
 
-def _fitting(name: str, config: TrainConfig, model: ActorCritic) -> ActorCritic:
-    """The parameters of a policy. Raises CruiseError where they are not for such a run, or not shaped as `model`."""
+def _read_alike(observation: str) -> frozenset[str]:
+    """Observations that a policy could learn to read as well: the same numbers, though some may fade."""
+    return FOR_ANY_FIELD if observation in FOR_ANY_FIELD else frozenset({observation})
+
+
+def _fitting(name: str, config: TrainConfig, model: ActorCritic, *also: str) -> ActorCritic:
+    """The parameters of a policy. Raises CruiseError where they are not for such a run, or not shaped as `model`.
+
+    `also` are observations that it may have flown by beside that of the run.
+    """
     policy = read_policy(name)
     meta = policy.meta
-    if (meta.vehicle, meta.observation) != (config.vehicle, config.observation):
+    if meta.vehicle != config.vehicle or meta.observation not in (config.observation, *also):
         raise CruiseError(
             f"policy {name!r} flies a {meta.vehicle} by the {meta.observation} observation, this run trains for a "
             f"{config.vehicle} by the {config.observation} one"

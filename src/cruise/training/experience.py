@@ -44,19 +44,23 @@ def log_prob(
     return jax.scipy.stats.norm.logpdf(action, mean, std).sum(0)
 
 
-def caution(races: RaceState, distance: float, least: float) -> Float[Array, "E"]:
+def nearest_opponent(races: RaceState) -> Float[Array, "E"]:
+    """How far from the active drone the nearest opponent in the air is [m]; infinitely where there is none."""
+    position, airborne = races.drones.position_w, races.airborne
+    nearest = jnp.full(airborne.shape[1:], jnp.inf)
+    for k in range(ACTIVE + 1, airborne.shape[0]):
+        separation = norm(position[:, k] - position[:, ACTIVE])
+        nearest = jnp.minimum(nearest, jnp.where(airborne[k], separation, jnp.inf))
+    return nearest
+
+
+def caution(nearest: Float[Array, "*B"], distance: float, least: float) -> Float[Array, "*B"]:
     """What is left of the active drone's noise with an opponent near: its distance over `distance` [m], never all gone.
 
     Wide noise finds fast flight, which narrow noise does not; but beside an opponent it means a crash, whatever the
     policy means to do, and what the policy means to do could not be learned from crashes by chance.
     """
-    position, airborne = races.drones.position_w, races.airborne
-    scale = jnp.ones(airborne.shape[1:])
-    if distance > 0:
-        for k in range(ACTIVE + 1, airborne.shape[0]):
-            separation = norm(position[:, k] - position[:, ACTIVE])
-            scale = jnp.minimum(scale, jnp.where(airborne[k], separation / distance, 1.0))
-    return jnp.maximum(scale, least)
+    return jnp.clip(nearest / distance, least, 1.0) if distance > 0 else jnp.ones_like(nearest)
 
 
 def begin_again(races: RaceState, start: RaceState, restart: Bool[Array, "E"]) -> RaceState:
@@ -124,7 +128,8 @@ def make_collect(env: RaceEnv, config: TrainConfig) -> Collect:
             observation = env.observe(seen)
             own = observation[:, ACTIVE]
             mean, value = model.mean_and_value(own)
-            noise_scale = caution(races, ppo.caution_distance, ppo.least_noise)
+            nearest = nearest_opponent(races)
+            noise_scale = caution(nearest, ppo.caution_distance, ppo.least_noise)
             action = mean + std * noise_scale * white
             everyone = action[:, None]
             if env.num_drones > 1:
@@ -136,8 +141,9 @@ def make_collect(env: RaceEnv, config: TrainConfig) -> Collect:
                 flown = fly_sparring(env, races, flown, state.sparring, rules.agility)
             races, outcome = env.step(races, flown, rules)
             terminated = outcome.terminated[ACTIVE]
-            density = log_prob(mean, model.log_std, action, noise_scale)
-            transition = Transitions(own, action, noise_scale, density, value, outcome.reward[ACTIVE], terminated)
+            density, company = log_prob(mean, model.log_std, action, noise_scale), nearest < ppo.company_distance
+            reward = outcome.reward[ACTIVE]
+            transition = Transitions(own, action, noise_scale, company, density, value, reward, terminated)
             return (races, terminated, opponents), (transition, _step_metrics(outcome, races))
 
         carry = (state.races, state.restart, state.opponents)

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import optax
 import rlax
 from jax.flatten_util import ravel_pytree
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int, Shaped
 
 from cruise.config import PPOConfig
 from cruise.pilots.network import ActorCritic
@@ -56,7 +56,7 @@ def make_batch(experience: Experience, config: PPOConfig) -> Batch:
     """Add advantages and value targets to the transitions."""
     advantage = advantages(experience, config)
     t = experience.transitions
-    return Batch(t.observation, t.action, t.noise_scale, t.log_prob, advantage, advantage + t.value)
+    return Batch(t.observation, t.action, t.noise_scale, t.in_company, t.log_prob, advantage, advantage + t.value)
 
 
 def ppo_loss(
@@ -79,7 +79,7 @@ def ppo_loss(
     return loss, metrics
 
 
-def _side_by_side(rows: Float[Array, "T *C E"], chosen: Int[Array, "K"]) -> Float[Array, "*C KE"]:
+def _side_by_side(rows: Shaped[Array, "T *C E"], chosen: Int[Array, "K"]) -> Shaped[Array, "*C KE"]:
     """The chosen time steps, joined along the races: one long batch axis, copied row by row."""
     picked = [jax.lax.dynamic_index_in_dim(rows, chosen[i], keepdims=False) for i in range(chosen.shape[0])]
     return jnp.concatenate(picked, axis=-1)
@@ -100,12 +100,38 @@ def _moments(advantage: Float[Array, "T E"], axis: str | None) -> Float[Array, "
     return mean_over_devices(jnp.stack([advantage.mean(1), (advantage**2).mean(1)]), axis)
 
 
-def _minibatch(batch: Batch, moments: Float[Array, "2 T"], chosen: Int[Array, "K"]) -> Batch:
-    """The chosen time steps of all races, advantages standardised over the whole minibatch, on whatever device."""
+def _moments_among(advantage: Float[Array, "T E"], group: Bool[Array, "T E"], axis: str | None) -> Float[Array, "3 T"]:
+    """The same of those in a group, with the others as zeros, and the group's share."""
+    shares = group.astype(jnp.float32)
+    return jnp.concatenate([_moments(shares * advantage, axis), mean_over_devices(shares.mean(1), axis)[None]])
+
+
+def _moments_of_groups(batch: Batch, config: PPOConfig, axis: str | None) -> tuple[Array, ...]:
+    """Of all advantages; where company counts, of those without and of those with."""
+    if config.company_distance == 0:
+        return (_moments(batch.advantage, axis),)
+    groups = ~batch.in_company, batch.in_company
+    return tuple(_moments_among(batch.advantage, group, axis) for group in groups)
+
+
+def _standardised(advantage: Float[Array, "*B"], moments: Float[Array, "2"]) -> Float[Array, "*B"]:
+    """With mean 0 and deviation 1 where the moments are."""
+    mean, square = moments
+    return (advantage - mean) / (jnp.sqrt(jnp.maximum(square - mean**2, 0.0)) + 1e-8)
+
+
+def _minibatch(batch: Batch, moments: tuple[Array, ...], chosen: Int[Array, "K"]) -> Batch:
+    """The chosen time steps of all races, advantages standardised over the whole minibatch, on whatever device.
+
+    With the moments of two groups, what happens in company is standardised apart from what happens alone: beside an
+    opponent one crash outweighs whatever a better line is worth, and standardised by it lines are hardly learned.
+    """
     picked: Batch = jax.tree.map(lambda rows: _side_by_side(rows, chosen), batch)
-    mean, square = moments[:, chosen].mean(1)
-    deviation = jnp.sqrt(jnp.maximum(square - mean**2, 0.0))
-    return picked._replace(advantage=(picked.advantage - mean) / (deviation + 1e-8))
+    chosen_moments = [rows[:, chosen].mean(1) for rows in moments]
+    if len(moments) == 1:
+        return picked._replace(advantage=_standardised(picked.advantage, chosen_moments[0]))
+    alone, company = (_standardised(picked.advantage, m[:2] / jnp.maximum(m[2], 1e-8)) for m in chosen_moments)
+    return picked._replace(advantage=jnp.where(picked.in_company, company, alone))
 
 
 def make_learn(
@@ -122,7 +148,7 @@ def make_learn(
 
     def learn(state: TrainState, experience: Experience, shuffle_key: Array) -> tuple[TrainState, dict[str, Array]]:
         batch = make_batch(experience, config)
-        moments = _moments(batch.advantage, axis)
+        moments = _moments_of_groups(batch, config, axis)
         entropy_weight = exploration(state.updates)
         parameters, unflatten = ravel_pytree(state.model)
         most = _ceiling(state.model, config.max_log_std)

@@ -62,6 +62,7 @@ class Transitions(NamedTuple):
     observation: Float[Array, "T O E"]
     action: Float[Array, "T A E"]
     noise_scale: Float[Array, "T E"]  # share of the policy's deviation that it was drawn with
+    in_company: Bool[Array, "T E"]  # whether an opponent was near
     log_prob: Float[Array, "T E"]
     value: Float[Array, "T E"]
     reward: Float[Array, "T E"]
@@ -74,6 +75,7 @@ class Batch(NamedTuple):
     observation: Float[Array, "T O E"]
     action: Float[Array, "T A E"]
     noise_scale: Float[Array, "T E"]  # share of the policy's deviation that it was drawn with
+    in_company: Bool[Array, "T E"]  # whether an opponent was near
     log_prob: Float[Array, "T E"]
     advantage: Float[Array, "T E"]  # of a minibatch: standardised
     value_target: Float[Array, "T E"]

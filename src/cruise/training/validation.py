@@ -53,7 +53,9 @@ def _ppo_faults(ppo: PPOConfig) -> Iterator[str]:
     if ppo.races < ppo.rollout_steps:
         yield f"races ({ppo.races}) must be at least rollout_steps ({ppo.rollout_steps})"
     yield from _not_positive(ppo, "learning_rate", "clip_ratio", "max_grad_norm")
-    yield from _below(0, ppo, "final_learning_rate", "value_weight", "entropy_weight", "caution_distance")
+    yield from _below(
+        0, ppo, "final_learning_rate", "value_weight", "entropy_weight", "caution_distance", "company_distance"
+    )
     yield from _not_shares(ppo, "gamma", "gae_lambda", "entropy_hold", "entropy_end", "least_noise")
     if ppo.entropy_end < ppo.entropy_hold:
         yield f"entropy_end ({ppo.entropy_end}) must not be below entropy_hold ({ppo.entropy_hold})"
