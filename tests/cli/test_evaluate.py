@@ -19,6 +19,7 @@ KEYS = [
     "success_rate",
     "all_success_rate",
     "flying_lap_time",
+    "winner_lap_time",
     "first_lap_time",
     "nominal_lap_time",
     "mean_speed",

@@ -93,6 +93,7 @@ def test_evaluation_is_the_mean_over_races(paths, measured):
         "all_success_rate": np.mean([all(m["finished"]) for m in measured]),
         "first_lap_time": mean(lambda m, d: m["first_lap"][d]),
         "flying_lap_time": mean(lambda m, d: np.mean(m["flying_laps"][d])),
+        "winner_lap_time": np.mean([np.mean(m["flying_laps"][m["winner"]]) for m in measured if m["winner"] >= 0]),
         "nominal_lap_time": np.mean([measured[0]["lap_length"] / speed for speed in speeds]),
         "mean_speed": np.mean(speeds),
         "top_speed": mean(lambda m, d: m["top_speed"][d]),
@@ -155,8 +156,8 @@ def test_nothing_to_measure(paths):
     evaluation = summarise(TRACK, log.pilots.tolist(), [race_result(dataclasses.replace(log, **events))], 0)
     plain = evaluation.to_dict()
     nothing = {"mean": None, "std": None, "low": None, "high": None}
-    for name in ("flying_lap_time", "first_lap_time", "nominal_lap_time", "mean_speed", "top_speed"):
+    for name in ("flying_lap_time", "winner_lap_time", "first_lap_time", "nominal_lap_time", "mean_speed", "top_speed"):
         assert plain[name] == nothing
     assert plain["success_rate"]["mean"] == 0.0
     assert plain["collisions_per_race"] == {"mean": 0.0, "std": None, "low": None, "high": None}
-    assert [field.name for field in dataclasses.fields(evaluation)][:15] == list(plain)
+    assert [field.name for field in dataclasses.fields(evaluation)][:16] == list(plain)

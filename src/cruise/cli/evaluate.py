@@ -74,6 +74,7 @@ ROWS = (
     ("success, per drone", "success_rate", 100, "%"),
     ("success, all drones", "all_success_rate", 100, "%"),
     ("flying lap", "flying_lap_time", 1, "s"),
+    ("flying lap, winner", "winner_lap_time", 1, "s"),
     ("first lap, from standing", "first_lap_time", 1, "s"),
     ("nominal lap, length / speed", "nominal_lap_time", 1, "s"),
     ("mean speed", "mean_speed", 1, "m/s"),

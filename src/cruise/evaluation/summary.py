@@ -11,7 +11,7 @@ from cruise.config import Track
 from cruise.evaluation.metrics import DroneResult, RaceResult
 from cruise.evaluation.statistics import Estimate, count_estimate, mean_estimate, rate_estimate
 from cruise.racing.track_geometry import lap_length
-from cruise.storage.race_log import COLLISIONS
+from cruise.storage.race_log import COLLISIONS, NOBODY
 
 
 @dataclass(frozen=True)
@@ -39,6 +39,7 @@ class Evaluation:
     success_rate: Estimate  # of drones: finished without a collision
     all_success_rate: Estimate  # of races: all drones did
     flying_lap_time: Estimate  # [s]
+    winner_lap_time: Estimate  # flying lap of the winner [s]
     first_lap_time: Estimate  # [s]
     nominal_lap_time: Estimate  # polygon length / mean speed [s]
     mean_speed: Estimate  # [m/s]
@@ -59,6 +60,7 @@ MEASURED = (
     "success_rate",
     "all_success_rate",
     "flying_lap_time",
+    "winner_lap_time",
     "first_lap_time",
     "nominal_lap_time",
     "mean_speed",
@@ -82,6 +84,7 @@ def summarise(track: Track, team: Sequence[str], results: Sequence[RaceResult], 
         success_rate=rate_estimate(_success(results, everyone), len(team)),
         all_success_rate=rate_estimate([float(all(d.finished for d in race.drones)) for race in results], 1),
         flying_lap_time=mean_estimate(_per_race(results, everyone, lambda drone: drone.flying_lap_time)),
+        winner_lap_time=mean_estimate([_winner_lap(race) for race in results]),
         first_lap_time=mean_estimate(_per_race(results, everyone, lambda drone: drone.first_lap_time)),
         nominal_lap_time=mean_estimate([lap_length(track.gates) / v for v in speed]),
         mean_speed=mean_estimate(speed),
@@ -110,6 +113,11 @@ def _pilot_summary(name: str, team: Sequence[str], results: Sequence[RaceResult]
 def _success(results: Sequence[RaceResult], drones: Sequence[int]) -> list[float]:
     """Share of the drones that finished, race by race."""
     return [float(np.mean([race.drones[drone].finished for drone in drones])) for race in results]
+
+
+def _winner_lap(race: RaceResult) -> float:
+    """Its flying lap; NaN where nobody won."""
+    return math.nan if race.winner == NOBODY else race.drones[race.winner].flying_lap_time
 
 
 def _per_race(
