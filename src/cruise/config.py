@@ -205,7 +205,7 @@ class PPOConfig:
     max_log_std: float = 0.0  # of the policy's Gaussian; the environment clips actions to [-1, 1]
     caution_distance: float = 5.0  # an opponent nearer than this narrows the noise in proportion; 0: none does [m]
     least_noise: float = 0.1  # share of the noise that caution leaves
-    company_distance: float = 0.0  # advantages with an opponent nearer than this are standardised apart [m]
+    company_distance: float = 0.0  # advantages with an opponent nearer than this stand apart; 0: none do [m]
 
 
 @dataclass(frozen=True)
