@@ -55,7 +55,7 @@ def test_a_body_with_four_rotors_is_the_simulators(name, quadratic):
         np.testing.assert_allclose(found, expected, rtol=1e-3, atol=1e-3)
 
 
-def test_a_body_that_follows_rates_at_once_is_the_simulators():
+def test_a_body_whose_rates_follow_is_the_simulators():
     vehicle = VEHICLES["racer"]
     vehicle = replace(
         vehicle, airframe=replace(vehicle.airframe, rotors=replace(vehicle.airframe.rotors, saturate=False))
@@ -64,11 +64,13 @@ def test_a_body_that_follows_rates_at_once_is_the_simulators():
     for _ in range(20):
         p, v, q, rates = random_body()
         thrust, asked = RNG.uniform(0, vehicle.agility, 2)
-        found = derivative(model, np.concatenate([p, v, q, [thrust]]), np.concatenate([[asked], rates]))
+        wanted = 3 * RNG.normal(size=3)
+        found = derivative(model, np.concatenate([p, v, q, rates, [thrust]]), np.concatenate([[asked], wanted]))
         wrench = Wrench(jnp.float32(vehicle.mass * thrust), (jnp.float32(0),) * 3)
         expected = np.concatenate(simulators(vehicle, (p, v, q, rates), wrench)[:3])
         np.testing.assert_allclose(found[:10], expected, rtol=1e-3, atol=1e-3)
-        assert found[10] == pytest.approx((asked - thrust) / 0.033)
+        np.testing.assert_allclose(found[10:13], (wanted - rates) / 0.04, rtol=1e-6)
+        assert found[13] == pytest.approx((asked - thrust) / 0.033)
 
 
 @pytest.mark.parametrize("name", FLOWN)

@@ -69,6 +69,7 @@ NETWORK_FRAMES: dict[ObservationKind, str] = {
     "paper": "world",
     "extended": "gate: forward, left, up of the target gate",
     "body": "body: collective thrust, roll, pitch and yaw rate",
+    "body-near": "body: collective thrust, roll, pitch and yaw rate",
 }
 
 

@@ -14,7 +14,7 @@ from cruise.config import Airframe, Drag, Vehicle
 from cruise.dynamics.rotors import PITCH, ROLL, YAW, levers
 
 POSITION, VELOCITY, ATTITUDE = slice(0, 3), slice(3, 6), slice(6, 10)
-LEAST_LAG = 1e-3  # of rotors that do not lag: a state needs an equation [s]
+LEAST_LAG = 1e-3  # of what does not lag: a state needs an equation [s]
 Range = tuple[np.ndarray, np.ndarray]  # lowest and highest
 
 
@@ -61,23 +61,26 @@ def make_model(vehicle: Vehicle) -> Model:
 
 
 def _rate_driven(vehicle: Vehicle) -> Model:
-    """Rates are commanded and followed at once; the collective thrust lags. State p, v, q, c; control c_cmd, rates."""
+    """Rates and collective thrust follow what is commanded with a lag each. State p, v, q, rates, c; control c, rates.
+
+    So they do in the simulator where rotors have no limits, but for the rotors' lag in the way of the rates, too.
+    """
     airframe = _airframe(vehicle)
-    lag, thrust = _lag(airframe), vehicle.agility
+    rates_lag, thrust = max(airframe.rates.time_constant, LEAST_LAG), vehicle.agility
     highest = np.array(airframe.rates.highest)
 
     def derivative(x: ca.SX, u: ca.SX) -> ca.SX:
-        flow = (u[0] - x[10]) / lag
-        return ca.vertcat(_motion(vehicle, x, x[10]), _turning(x, u[1:4]), flow)
+        flow = (u[0] - x[13]) / _lag(airframe)
+        return ca.vertcat(_motion(vehicle, x, x[13]), _turning(x, x[10:13]), (u[1:4] - x[10:13]) / rates_lag, flow)
 
-    low, high = _free(11)
-    low[10], high[10] = 0.0, thrust
+    low, high = _free(14)
+    low[13], high[13] = 0.0, thrust
     return Model(
         name="body rates",
-        state_size=11,
+        state_size=14,
         control=(np.array([0.0, *-highest]), np.array([thrust, *highest])),
         derivative=derivative,
-        hover=np.array([0, 0, 0, 0, 0, 0, 1, 0, 0, 0, vehicle.gravity], float),
+        hover=np.array([0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0, vehicle.gravity], float),
         lift=np.array([vehicle.gravity, 0, 0, 0]),
         state=(low, high),
     )

@@ -16,6 +16,8 @@ from cruise.training.devices import mean_over_devices
 from cruise.training.experience import Experience, log_prob
 from cruise.training.types import Batch, TrainState
 
+LEAST_DEVIATION = 0.01  # of a group's advantages, as a share of that of all: that of one or two may be rounding
+
 
 def make_optimiser(config: PPOConfig, total_updates: int) -> optax.GradientTransformation:
     """Adam behind a clip of the gradient's norm, its rate falling linearly over the run."""
@@ -114,10 +116,16 @@ def _moments_of_groups(batch: Batch, config: PPOConfig, axis: str | None) -> tup
     return tuple(_moments_among(batch.advantage, group, axis) for group in groups)
 
 
-def _standardised(advantage: Float[Array, "*B"], moments: Float[Array, "2"]) -> Float[Array, "*B"]:
-    """With mean 0 and deviation 1 where the moments are."""
+def _deviation(moments: Float[Array, "2"]) -> Float[Array, ""]:
     mean, square = moments
-    return (advantage - mean) / (jnp.sqrt(jnp.maximum(square - mean**2, 0.0)) + 1e-8)
+    return jnp.sqrt(jnp.maximum(square - mean**2, 0.0))
+
+
+def _standardised(
+    advantage: Float[Array, "*B"], moments: Float[Array, "2"], least: Array | float = 0.0
+) -> Float[Array, "*B"]:
+    """With mean 0 and deviation 1, or smaller where they deviate by less than `least`."""
+    return (advantage - moments[0]) / (jnp.maximum(_deviation(moments), least) + 1e-8)
 
 
 def _minibatch(batch: Batch, moments: tuple[Array, ...], chosen: Int[Array, "K"]) -> Batch:
@@ -130,7 +138,8 @@ def _minibatch(batch: Batch, moments: tuple[Array, ...], chosen: Int[Array, "K"]
     chosen_moments = [rows[:, chosen].mean(1) for rows in moments]
     if len(moments) == 1:
         return picked._replace(advantage=_standardised(picked.advantage, chosen_moments[0]))
-    alone, company = (_standardised(picked.advantage, m[:2] / jnp.maximum(m[2], 1e-8)) for m in chosen_moments)
+    least = LEAST_DEVIATION * _deviation(chosen_moments[0][:2] + chosen_moments[1][:2])
+    alone, company = (_standardised(picked.advantage, m[:2] / jnp.maximum(m[2], 1e-8), least) for m in chosen_moments)
     return picked._replace(advantage=jnp.where(picked.in_company, company, alone))
 
 
