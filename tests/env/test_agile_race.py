@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from cruise.config import ObservationKind, Track, Vehicle
 from cruise.dynamics import DroneState, FreeBody, Parameters
 from cruise.dynamics.quadrotor import Memory
-from cruise.env.observation_body import CORNER_RANGE, NEAREST, NOTICE, OPPONENT_RANGE, OPPONENT_SIZE, SPEED_RANGE
+from cruise.env.observation_body import CORNER_RANGE, NEAREST, OPPONENT_RANGE, OPPONENT_SIZE, SPEED_RANGE
 from cruise.env.race_env import RaceEnv, make_race_env
 from cruise.env.surroundings import Conditions
 from cruise.env.types import RaceState, race_rules
@@ -22,6 +22,7 @@ from tests.helpers import arrays, quick_jit, yaw_matrix
 
 RING, RACER = TRACKS["ring"], VEHICLES["racer"]
 RACES, OWN = 12, 38  # races at random; numbers of the body observation that tell of no opponent
+NOTICED = 6.0  # what `body-near` promises: opponents are whole within half of it, gone beyond it [m]
 RULES = arrays(race_rules(RACER.agility, 0.25, 0))
 
 
@@ -152,7 +153,7 @@ def test_the_nearest_three_are_seen_nearest_first(kind: ObservationKind) -> None
                     continue
                 offset, motion = (x[:, others[slot], e] - x[:, i, e] for x in (position, velocity))
                 apart = np.linalg.norm(offset)
-                fading = np.interp(apart, [NOTICE / 2, NOTICE], [1, 0]) if kind == "body-near" else 1
+                fading = np.interp(apart, [NOTICED / 2, NOTICED], [1, 0]) if kind == "body-near" else 1
                 expected = np.concatenate(
                     [offset @ turn[i, e] / OPPONENT_RANGE, motion @ turn[i, e] / SPEED_RANGE, [1]]
                 )
@@ -162,7 +163,7 @@ def test_the_nearest_three_are_seen_nearest_first(kind: ObservationKind) -> None
 def test_a_drone_that_leads_by_enough_sees_what_it_would_see_alone() -> None:
     """Whatever the others do: not one number tells it that they are there."""
     state = random_race(3, out=0.0)
-    away = jnp.outer(jnp.array([0.6, 0.0, 0.8]), jnp.array([0.0, NOTICE + 0.01, -NOTICE - 0.01]))[..., None]
+    away = jnp.outer(jnp.array([0.6, 0.0, 0.8]), jnp.array([0.0, NOTICED + 0.01, -NOTICED - 0.01]))[..., None]
     apart, near = with_others(state, away), with_others(state, 0.9 * away)
     env = race_env(3, kind="body-near")
     seen = np.asarray(env.observe(apart))[:, 0]

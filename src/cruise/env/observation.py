@@ -156,10 +156,9 @@ def gate_action(course: Course, next_gate: Int[Array, "*B"], action: Float[Array
 OBSERVATIONS: dict[str, Callable[[Course, Dynamics, RaceState], Array]] = {
     "paper": paper_observation,
     "extended": extended_observation,
-    "body": body_observation,
-    "body-near": functools.partial(body_observation, notice=BODY_NOTICE),
+    **{kind: functools.partial(body_observation, notice=notice) for kind, notice in BODY_NOTICE.items()},
 }
-FOR_ANY_FIELD = frozenset({"body", "body-near"})  # do not depend on the number of drones; the same numbers
+FOR_ANY_FIELD = frozenset(BODY_NOTICE)  # do not depend on the number of drones; the same numbers
 
 
 def action_decoder(kind: str, dynamics: Dynamics) -> Callable[[Course, Array, Array], Array]:

@@ -16,7 +16,7 @@ from cruise.vector import dot, norm, stored
 
 CORNER_RANGE, SPEED_RANGE, HEIGHT_RANGE, OPPONENT_RANGE = 10.0, 10.0, 4.0, 5.0  # scales [m], [m/s]
 NEAREST = 3  # opponents that are seen
-NOTICE = 6.0  # of `body-near`: farther away than this an opponent is not seen, within half of it whole [m]
+NOTICE = {"body": math.inf, "body-near": 6.0}  # by kind: farther away nobody is seen, within half of it all of him [m]
 GATES_AHEAD = 2
 LIMIT = 3.0  # clipped to [-LIMIT, LIMIT]
 ABSENT = 1e6  # sorts an opponent that left the air behind all others [m]

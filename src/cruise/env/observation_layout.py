@@ -1,5 +1,6 @@
 """What the numbers of an observation mean, in their order: for spaces, exported policies and whoever reads them."""
 
+import math
 from typing import NamedTuple
 
 from cruise.config import ObservationKind
@@ -50,8 +51,8 @@ def observation_layout(kind: ObservationKind, drones: int, gates: int, vehicle: 
     """
     if kind == "paper":
         return _paper(drones, gates)
-    if kind in ("body", "body-near"):
-        return _body(size, NEAREST_FIRST + FADING if kind == "body-near" else NEAREST_FIRST)
+    if kind in body.NOTICE:
+        return _body(size, body.NOTICE[kind])
     without = sum(entry.size for entry in _extended(drones, vehicle, 0))
     return _extended(drones, vehicle, (size - without) // 3)
 
@@ -119,11 +120,12 @@ def _opponent(place: int) -> tuple[Entry, ...]:
     )
 
 
-NEAREST_FIRST = "position minus own, the nearest first"
-FADING = f"; all of it fades from whole at {body.NOTICE / 2:g} m to nothing at {body.NOTICE:g} m"
+def _nearest_first(notice: float) -> str:
+    fading = f"; all of it fades from whole at {notice / 2:g} m to nothing at {notice:g} m"
+    return "position minus own, the nearest first" + (fading if math.isfinite(notice) else "")
 
 
-def _body(size: int, offset: str) -> tuple[Entry, ...]:
+def _body(size: int, notice: float) -> tuple[Entry, ...]:
     def entry(name: str, numbers: int, quantity: str, unit: str, scale: float, low: float = -body.LIMIT) -> Entry:
         return Entry(name, numbers, quantity, unit, scale, "body", low, body.LIMIT)
 
@@ -136,7 +138,7 @@ def _body(size: int, offset: str) -> tuple[Entry, ...]:
         one
         for place in range(1, body.NEAREST + 1)
         for one in (
-            entry(f"opponent_{place}_offset", 3, offset, "m", body.OPPONENT_RANGE),
+            entry(f"opponent_{place}_offset", 3, _nearest_first(notice), "m", body.OPPONENT_RANGE),
             entry(f"opponent_{place}_motion", 3, "velocity minus own", "m/s", body.SPEED_RANGE),
             entry(f"opponent_{place}_present", 1, "1; 0, as all of it, where there is none", "", 1.0, low=0.0),
         )

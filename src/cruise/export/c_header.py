@@ -1,5 +1,6 @@
 """A policy as one C99 header."""
 
+import math
 import re
 from importlib import resources
 from string import Template
@@ -52,11 +53,11 @@ def prefix_of(policy: Policy) -> str:
 
 def c_header(policy: Policy, track: Track, recording: Recording) -> str:
     """The header's text. `recording` gives the samples of its self test."""
-    own = _by_acceleration if airframe_of(policy.meta) is None else _by_thrust_and_rates
+    kind, own = policy.meta.observation, _by_acceleration if airframe_of(policy.meta) is None else _by_thrust_and_rates
     words = _common(policy, track, recording) | own(policy, track)
     parts = {
         "about": f"about_{words['flown']}",
-        "observe": f"observe_{policy.meta.observation.removesuffix('-near')}",
+        "observe": f"observe_{'body' if kind in body.NOTICE else kind}",
         "command": f"command_{words['flown']}",
     }
     filled = {name: _template(f"{part}.h.in").substitute(words).rstrip() for name, part in parts.items()}
@@ -125,7 +126,7 @@ def _by_thrust_and_rates(policy: Policy, track: Track) -> dict[str, Any]:
         ),
         "decode": "    (void)gates;",
         "highest_rates": braces(airframe.rates.highest),
-        "noticed": _noticed(prefix_of(policy)) if meta.observation == "body-near" else "1.0f",
+        "noticed": _noticed(prefix_of(policy), body.NOTICE[meta.observation]),
         "hovering": braces(first_action(meta)),
         "vehicle": vehicle.name,
         "mass": f"{vehicle.mass:g}",
@@ -133,9 +134,9 @@ def _by_thrust_and_rates(policy: Policy, track: Track) -> dict[str, Any]:
     }
 
 
-def _noticed(prefix: str) -> str:
+def _noticed(prefix: str, notice: float) -> str:
     """How much is seen of who is so far away, as `cruise.env.observation_body.noticed`."""
-    return f"{prefix}_clip(2.0f - 2.0f * separation / {literal(body.NOTICE)}, 0.0f, 1.0f)"
+    return "1.0f" if math.isinf(notice) else f"{prefix}_clip(2.0f - 2.0f * separation / {literal(notice)}, 0.0f, 1.0f)"
 
 
 def _template(name: str) -> Template:

@@ -5,6 +5,7 @@ from typing import Any
 import jax
 
 from cruise.config import Track
+from cruise.env.observation_body import NOTICE
 from cruise.env.observation_layout import observation_layout
 from cruise.env.race_env import RaceEnv, make_race_env
 from cruise.errors import CruiseError
@@ -15,7 +16,7 @@ from cruise.storage.policy_file import Policy
 
 OBSERVATIONS = {  # that are rebuilt, by what an action means
     "acceleration": ("extended", "paper"),
-    "ctbr": ("body", "body-near"),
+    "ctbr": tuple(NOTICE),
 }
 
 

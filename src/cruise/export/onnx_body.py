@@ -1,17 +1,19 @@
 """The observation from a drone's own seat as ONNX nodes, and what its action commands. Batch axis B leads."""
 
+import math
+
 import numpy as np
 
 from cruise.config import Airframe
 from cruise.env import observation_body as env
-from cruise.export.onnx_state import StateInputs, gate_ahead, heading_of, nearest_first, pick
+from cruise.export.onnx_state import StateInputs, gate_ahead, heading_of, nearest_first, noticed, pick
 from cruise.export.onnx_values import Graph, Value
 
 CORNERS = ((1.0, 1.0), (1.0, -1.0), (-1.0, -1.0), (-1.0, 1.0))  # left, up
 
 
-def body(g: Graph, state: StateInputs, airframe: Airframe, *, near: bool) -> Value:
-    """[B, O] as `cruise.env.observation_body.body_observation`; with `near`, opponents fade."""
+def body(g: Graph, state: StateInputs, airframe: Airframe, notice: float) -> Value:
+    """[B, O] as `cruise.env.observation_body.body_observation`."""
     turn = _rotation(g, state)
     own, opponents = g.stack([state.velocity]) @ turn, _opponents(g, state, turn)
     parts = [
@@ -21,7 +23,7 @@ def body(g: Graph, state: StateInputs, airframe: Airframe, *, near: bool) -> Val
         state.rates / np.array([airframe.rates.highest], np.float32),
         g.clip(state.previous_action, -1.0, 1.0),
         g.part(state.position, 2, 3) / env.HEIGHT_RANGE,
-        g.shaped(_faded(g, opponents) if near else opponents, 0, -1),
+        g.shaped(opponents if math.isinf(notice) else _faded(g, opponents, notice), 0, -1),
     ]
     return g.clip(g.join(parts), -env.LIMIT, env.LIMIT)
 
@@ -77,7 +79,7 @@ def _opponents(g: Graph, state: StateInputs, turn: Value) -> Value:
     return nearest_first(g, ranked, seen, g.constant(np.array([env.NEAREST], np.int64)))
 
 
-def _faded(g: Graph, opponents: Value) -> Value:
-    """[B, 3, 7] less of who is farther away, as `cruise.env.observation_body.noticed`."""
+def _faded(g: Graph, opponents: Value, notice: float) -> Value:
+    """[B, 3, 7] less of who is farther away."""
     separation = g.norm(g.part(opponents, 0, 3)) * env.OPPONENT_RANGE
-    return g.clip(2.0 - 2.0 * separation / env.NOTICE, 0.0, 1.0) * opponents
+    return noticed(g, separation, notice) * opponents

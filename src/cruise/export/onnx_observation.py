@@ -4,7 +4,7 @@ import numpy as np
 
 from cruise.dynamics.cascade import AGILITY_SCALE, RATE_SCALE
 from cruise.env import observation as env
-from cruise.export.onnx_state import StateInputs, gate_ahead, heading_of, nearest_first, pick
+from cruise.export.onnx_state import StateInputs, gate_ahead, heading_of, nearest_first, noticed, pick
 from cruise.export.onnx_values import Graph, Value
 
 
@@ -84,8 +84,7 @@ def _nearest_first(g: Graph, state: StateInputs, rotation: Value) -> Value:
         axis=2,
     )
     here = g.expand(state.others_airborne, 2)
-    noticed = g.clip(2.0 - 2.0 * separation / env.NOTICE, 0.0, 1.0)
-    features = noticed * g.clip(features, -env.LIMIT, env.LIMIT)
+    features = noticed(g, separation, env.NOTICE) * g.clip(features, -env.LIMIT, env.LIMIT)
     seen = g.node("Where", here, features, 0.0 * features, kind=np.float32)
     ranked = g.node("Where", here, separation, 0.0 * separation + env.ABSENT, kind=np.float32)
     everybody = g.part(g.node("Shape", seen, kind=np.int64), 1, 2, axis=0)

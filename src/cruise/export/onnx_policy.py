@@ -6,6 +6,7 @@ import numpy as np
 
 from cruise import __version__
 from cruise.config import CascadeGains
+from cruise.env.observation_body import NOTICE
 from cruise.export import onnx_observation as build
 from cruise.export.onnx_body import body, command
 from cruise.export.onnx_state import StateInputs, inputs_of
@@ -62,7 +63,7 @@ def _network(g: Graph, x: Value, network: Perceptron, name: str | None = None) -
 def _whole(g: Graph, ports: dict[str, Value], policy: Policy, num_gates: int) -> None:
     state, meta, airframe = inputs_of(ports), policy.meta, airframe_of(policy.meta)
     if airframe is not None:
-        spoken = _network(g, body(g, state, airframe, near=policy.meta.observation == "body-near"), policy.params.actor)
+        spoken = _network(g, body(g, state, airframe, NOTICE[meta.observation]), policy.params.actor)
         action = g.name(g.clip(spoken, -1.0, 1.0), "action")
         thrust, rates = command(g, action, airframe, meta.agility)
         g.name(thrust, "thrust")

@@ -58,6 +58,11 @@ def heading_of(g: Graph, state: StateInputs, gate: Value) -> Value:
     return g.expand(pick(g, state.gate_yaw, gate), 1)
 
 
+def noticed(g: Graph, separation: Value, notice: float) -> Value:
+    """How much of an opponent so far away is seen, as `cruise.env.observation_body.noticed`."""
+    return g.clip(2.0 - 2.0 * separation / notice, 0.0, 1.0)
+
+
 def nearest_first(g: Graph, ranked: Value, rows: Value, count: Value) -> Value:
     """The `count` rows [B, M, C] of the smallest `ranked` [B, M, 1], in their order."""
     _, order = g.nodes_of("TopK", ranked, count, outputs=2, axis=1, largest=0, sorted=1)

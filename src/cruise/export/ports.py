@@ -1,6 +1,7 @@
 """Inputs and outputs of an exported policy: names, shapes, units, frames."""
 
-from cruise.config import Airframe, ObservationKind
+from cruise.config import Airframe
+from cruise.env.observation_body import NOTICE
 from cruise.presets import VEHICLES
 from cruise.storage.onnx_file import Port
 from cruise.storage.policy_file import PolicyMeta
@@ -65,11 +66,10 @@ def observation_port(size: int) -> Port:
     )
 
 
-NETWORK_FRAMES: dict[ObservationKind, str] = {
+NETWORK_FRAMES: dict[str, str] = {
     "paper": "world",
     "extended": "gate: forward, left, up of the target gate",
-    "body": "body: collective thrust, roll, pitch and yaw rate",
-    "body-near": "body: collective thrust, roll, pitch and yaw rate",
+    **dict.fromkeys(NOTICE, "body: collective thrust, roll, pitch and yaw rate"),
 }
 
 

@@ -1,5 +1,7 @@
 """Where a run begins: with random networks, or with policies from elsewhere."""
 
+from collections.abc import Collection
+
 import jax
 import numpy as np
 
@@ -22,13 +24,13 @@ def first_state(trainer: Trainer) -> TrainState:
     state, config = trainer.initial_state(), trainer.config
     model, pool, league = state.model, state.opponents, state.league
     if config.start_from:
-        model = _fitting(config.start_from, config, state.model, *_read_alike(config.observation))
+        model = _fitting(config.start_from, config, state.model, _read_alike(config.observation))
         pool = pool._replace(newest=model, previous=model)
     if config.against:
-        opponent = _fitting(config.against, config, state.model)
+        opponent = _fitting(config.against, config, state.model, {config.observation})
         pool = pool._replace(newest=opponent, previous=opponent)
     if league is not None:
-        founders = [_fitting(name, config, state.model) for name in config.opponents.founders]
+        founders = [_fitting(name, config, state.model, {config.observation}) for name in config.opponents.founders]
         league = found_league(model, config.opponents.league, founders)
     return trainer.place(state._replace(model=model, opponents=pool, league=league))
 
@@ -38,14 +40,14 @@ def _read_alike(observation: str) -> frozenset[str]:
     return FOR_ANY_FIELD if observation in FOR_ANY_FIELD else frozenset({observation})
 
 
-def _fitting(name: str, config: TrainConfig, model: ActorCritic, *also: str) -> ActorCritic:
+def _fitting(name: str, config: TrainConfig, model: ActorCritic, kinds: Collection[str]) -> ActorCritic:
     """The parameters of a policy. Raises CruiseError where they are not for such a run, or not shaped as `model`.
 
-    `also` are observations that it may have flown by beside that of the run.
+    `kinds` are the observations that it may have flown by.
     """
     policy = read_policy(name)
     meta = policy.meta
-    if meta.vehicle != config.vehicle or meta.observation not in (config.observation, *also):
+    if meta.vehicle != config.vehicle or meta.observation not in kinds:
         raise CruiseError(
             f"policy {name!r} flies a {meta.vehicle} by the {meta.observation} observation, this run trains for a "
             f"{config.vehicle} by the {config.observation} one"
