@@ -8,6 +8,7 @@ from cruise.config import TrainConfig
 from cruise.evaluation.matches import evaluate_policy
 from cruise.pilots.neural import NeuralPilot
 from cruise.presets import VEHICLES
+from cruise.processor import use_wide_vectors
 from cruise.racing.random_track import training_track
 from cruise.report.training_figure import draw_training
 from cruise.storage.policy_file import load_policy
@@ -42,6 +43,7 @@ def train(
     """
     config = config or TrainConfig()
     check_config(config)
+    use_wide_vectors()
     use_cores()
     folder = Path(out) if out else default_folder(config)
     session = Session(folder, config, training_track(config), VEHICLES[config.vehicle])

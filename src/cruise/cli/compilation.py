@@ -1,8 +1,10 @@
-"""How the commands start JAX: with compiled programs kept between runs, and every core a device of its own."""
+"""How the commands start JAX: wide vectors, compiled programs kept between runs, every core a device of its own."""
 
 import contextlib
 import os
 from pathlib import Path
+
+from cruise.processor import use_wide_vectors
 
 LEAST_SECONDS = 0.1  # what compiles faster is compiled anew
 
@@ -12,6 +14,12 @@ def prepare_training(cores: int | None = None) -> None:
     from cruise.training.devices import use_cores  # noqa: PLC0415  (imports JAX)
 
     use_cores(cores)
+    prepare_flight()
+
+
+def prepare_flight() -> None:
+    """What must be settled before JAX is first used, in every command that flies."""
+    use_wide_vectors()
     use_compilation_cache()
 
 

@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Column, Table
 
-from cruise.cli.compilation import use_compilation_cache
+from cruise.cli.compilation import prepare_flight
 from cruise.cli.line_up import LineUp, described
 from cruise.cli.outputs import check_output
 
@@ -39,7 +39,7 @@ class Evaluate:
     def run(self) -> int:
         """Fly the races and print what they show."""
         check_output("--html", self.html, ".html")
-        use_compilation_cache()
+        prepare_flight()
         from cruise.evaluation.matches import evaluate_match  # noqa: PLC0415  (imports JAX)
 
         shown: list[RaceLog] = []

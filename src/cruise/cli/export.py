@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from cruise.cli.compilation import use_compilation_cache
+from cruise.cli.compilation import prepare_flight
 from cruise.cli.line_up import described, usual_track
 from cruise.cli.outputs import check_output
 from cruise.errors import CruiseError
@@ -41,7 +41,7 @@ class Export:
             raise CruiseError("--network is about the ONNX model: give --onnx FILE.onnx with it")
         check_output("--onnx", self.onnx, ".onnx")
         check_output("--c", self.c, ".h")
-        use_compilation_cache()
+        prepare_flight()
         from cruise.export.files import Exporter  # noqa: PLC0415  (imports JAX)
         from cruise.storage.policy_file import read_policy  # noqa: PLC0415
 

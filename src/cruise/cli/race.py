@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Column, Table
 
-from cruise.cli.compilation import use_compilation_cache
+from cruise.cli.compilation import prepare_flight
 from cruise.cli.line_up import LineUp, described
 from cruise.cli.outputs import Films, Outputs, show
 from cruise.cli.watch import Watch
@@ -47,7 +47,7 @@ class Race:
         """Fly the races, print the result, write what shows them."""
         self.outputs.check()
         races = self._count()
-        use_compilation_cache()
+        prepare_flight()
         if self.watch.watch:
             return self._show_live()
         from cruise.evaluation.matches import run_races  # noqa: PLC0415  (imports JAX)

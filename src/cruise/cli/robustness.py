@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Column, Table
 
-from cruise.cli.compilation import use_compilation_cache
+from cruise.cli.compilation import prepare_flight
 from cruise.cli.evaluate import counted, number
 from cruise.cli.line_up import LineUp, described
 from cruise.cli.outputs import check_output
@@ -42,7 +42,7 @@ class Robustness:
             raise CruiseError("robustness goes through all strengths by itself: leave out --randomise")
         if self.line_up.simulator != OUR_SIMULATOR:
             raise CruiseError("other simulators do not know what robustness changes: leave out --simulator")
-        use_compilation_cache()
+        prepare_flight()
         from cruise.evaluation.robustness import measure_robustness  # noqa: PLC0415  (imports JAX)
 
         match = self.line_up.match()

@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Column, Table
 
-from cruise.cli.compilation import use_compilation_cache
+from cruise.cli.compilation import prepare_flight
 from cruise.cli.evaluate import counted, number
 from cruise.cli.line_up import LineUp
 from cruise.config import OUR_SIMULATOR
@@ -34,7 +34,7 @@ class SimToSim:
         """Fly the races and print what they show."""
         if self.line_up.simulator != OUR_SIMULATOR:
             raise CruiseError("sim-to-sim flies in all simulators: leave out --simulator")
-        use_compilation_cache()
+        prepare_flight()
         from cruise.evaluation.sim_to_sim import fly_everywhere  # noqa: PLC0415  (imports JAX)
 
         found = list(fly_everywhere(self.line_up.match(), self.episodes, self.seed))

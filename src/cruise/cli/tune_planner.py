@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cruise import __version__
-from cruise.cli.compilation import use_compilation_cache
+from cruise.cli.compilation import prepare_flight
 from cruise.cli.line_up import described
 from cruise.errors import CruiseError
 from cruise.racing.track_file import load_one_track
@@ -33,7 +33,7 @@ class TunePlanner:
         """Search, say how it goes, and write the best. Stopped before its end, it writes nothing."""
         track = load_one_track(self.track)
         kept = read_kept(self.out)
-        use_compilation_cache()
+        prepare_flight()
         from cruise.evaluation.planner_search import Effort, search  # noqa: PLC0415  (imports JAX)
         from cruise.storage.atomic import write_atomically  # noqa: PLC0415
 
