@@ -84,11 +84,10 @@ policies: $(VENV)/.installed $(CELLS:%=runs/%/policy.json)
 FAST := --vanilla --terminal -5
 EXTRA.ring-3 := $(FAST) --w-speed 0.05
 EXTRA.figure-eight-3 := $(FAST) --w-speed 0.05
+EXTRA.figure-eight-4 := $(FAST) --w-speed 0.05
 # And nearer to the frames, in smaller steps.
 EXTRA.figure-eight-2 := $(FAST) --w-speed 0.01 --edge-margin 0.1 --learning-rate 1.4e-3 \
     --final-learning-rate 1e-4 --seed 2
-# A dearer crash, of which four have more.
-EXTRA.figure-eight-4 := --terminal -20
 # VEHICLE-TRACK: for fields of any size, but racer-figure-eight and racer-random, which are for a drone alone.
 # VEHICLE-TRACK-field: for fields where VEHICLE-TRACK is for a drone alone.
 # racer-ring goes on from racer-ring-first on the last stage alone, in smaller steps.
