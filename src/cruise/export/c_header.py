@@ -53,7 +53,8 @@ def prefix_of(policy: Policy) -> str:
 
 def c_header(policy: Policy, track: Track, recording: Recording) -> str:
     """The header's text. `recording` gives the samples of its self test."""
-    kind, own = policy.meta.observation, _by_acceleration if airframe_of(policy.meta) is None else _by_thrust_and_rates
+    kind = policy.meta.observation
+    own = _by_acceleration if airframe_of(policy.meta) is None else _by_thrust_and_rates
     words = _common(policy, track, recording) | own(policy, track)
     parts = {
         "about": f"about_{words['flown']}",

@@ -66,11 +66,12 @@ def _rate_driven(vehicle: Vehicle) -> Model:
     So they do in the simulator where rotors have no limits, but for the rotors' lag in the way of the rates, too.
     """
     airframe = _airframe(vehicle)
-    rates_lag, thrust = max(airframe.rates.time_constant, LEAST_LAG), vehicle.agility
+    thrust_lag, rates_lag = _lag(airframe.rotors.time_constant), _lag(airframe.rates.time_constant)
+    thrust = vehicle.agility
     highest = np.array(airframe.rates.highest)
 
     def derivative(x: ca.SX, u: ca.SX) -> ca.SX:
-        flow = (u[0] - x[13]) / _lag(airframe)
+        flow = (u[0] - x[13]) / thrust_lag
         return ca.vertcat(_motion(vehicle, x, x[13]), _turning(x, x[10:13]), (u[1:4] - x[10:13]) / rates_lag, flow)
 
     low, high = _free(14)
@@ -105,7 +106,7 @@ def _rotor_driven(vehicle: Vehicle) -> Model:
     def derivative(x: ca.SX, u: ca.SX) -> ca.SX:
         omega, thrusts = x[10:13], x[13:17]
         wrench = mixer @ thrusts
-        flow = (u - thrusts) / _lag(airframe)
+        flow = (u - thrusts) / _lag(airframe.rotors.time_constant)
         spin = torque_free(omega, wrench[1:4])
         return ca.vertcat(_motion(vehicle, x, wrench[0] / vehicle.mass), _turning(x, omega), spin, flow)
 
@@ -134,8 +135,8 @@ def _airframe(vehicle: Vehicle) -> Airframe:
     return vehicle.airframe
 
 
-def _lag(airframe: Airframe) -> float:
-    return max(airframe.rotors.time_constant, LEAST_LAG)
+def _lag(time_constant: float) -> float:
+    return max(time_constant, LEAST_LAG)
 
 
 def _free(size: int) -> Range:
