@@ -169,7 +169,8 @@ class RewardWeights:
     progress_to: Literal["opening", "centre"] = "opening"  # where the distance of prox and prog ends
     pay_up_to_v_min: bool = False  # progress faster than the stage's v_min earns no more than at v_min
     w_align: float = 0.02
-    w_speed: float = 0.005
+    w_speed: float = 0.05
+    speed_zero_at: Literal["rest", "v_min"] = "rest"  # at this speed its component is zero, at v_min the highest
     overtake_sign: Literal["fixed", "paper"] = "fixed"
     overtake_range: float = 3.0  # overtaking counts against opponents nearer than this [m]
     gate_bonus: float = 10.0  # reward of the step that passes a gate, in place of the terms of flight

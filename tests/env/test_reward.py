@@ -75,11 +75,17 @@ def to_go(w: RewardWeights, s: dict[str, np.ndarray], i: int, point: str) -> flo
     return float(np.linalg.norm(offset))
 
 
+def speed_paid(w: RewardWeights, velocity: np.ndarray) -> float:
+    """As printed, or as much more as makes it nothing at rest."""
+    at_rest = paper.r_speed(np.zeros(3), STAGE.v_min)
+    return paper.r_speed(velocity, STAGE.v_min) - (at_rest if w.speed_zero_at == "rest" else 0.0)
+
+
 FORMULAS = {
     "prox": lambda w, s, i: w.w_prox * paper.r_prox(to_go(w, s, i, "p1"), w.proximity_decay),
     "prog": lambda w, s, i: w.w_prog * paper.r_prog(to_go(w, s, i, "p0"), to_go(w, s, i, "p1"), w.progress_scale),
     "align": lambda w, s, i: -w.w_align * paper.r_align(s["p1"][:, i], s["v1"][:, i], s["gate"][:, i]),
-    "speed": lambda w, s, i: w.w_speed * paper.r_speed(s["v1"][:, i], STAGE.v_min),
+    "speed": lambda w, s, i: w.w_speed * speed_paid(w, s["v1"][:, i]),
 }
 WEIGHTS = {**REWARDS, "opening": replace(REWARDS["paper"], progress_to="opening")}
 

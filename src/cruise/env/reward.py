@@ -34,9 +34,9 @@ def misalignment(velocity_w: Float[Array, "3 *B"], to_gate_w: Float[Array, "3 *B
     return jnp.where(speed > EPSILON, 1 - cosine, 0.0)
 
 
-def speed_match(speed: Array, v_min: Array | float) -> Float[Array, "*B"]:
-    """R_speed = -|v - v_min|."""
-    return -jnp.abs(speed - v_min)
+def speed_match(speed: Array, v_min: Array | float, zero_at: str = "v_min") -> Float[Array, "*B"]:
+    """R_speed = -|v - v_min|, highest at v_min; zero there, as printed, or zero at rest."""
+    return (v_min if zero_at == "rest" else 0.0) - jnp.abs(speed - v_min)
 
 
 def lead_of(offset_w: Float[Array, "3 *B"], velocity_w: Float[Array, "3 *B"]) -> Float[Array, "*B"]:
@@ -113,7 +113,7 @@ def reward_components(
         "prox": w.w_prox * proximity(motion.distance, w.proximity_decay, w.proximity_range),
         "prog": paid * w.w_prog * progress(motion.distance_before, motion.distance, w.progress_scale),
         "align": -w.w_align * misalignment(motion.velocity_w, motion.to_gate_w),
-        "speed": w.w_speed * speed_match(motion.speed, rules.v_min),
+        "speed": w.w_speed * speed_match(motion.speed, rules.v_min, w.speed_zero_at),
         "near": -w.w_near * jnp.maximum(w.near_distance - nearest, 0.0),
         "coll": -rules.w_coll * collided,
     }
