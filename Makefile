@@ -80,14 +80,16 @@ policies: $(VENV)/.installed $(CELLS:%=runs/%/policy.json)
 	@for cell in $(CELLS); do for kind in safetensors json; do \
 	  cp runs/$$cell/policy.$$kind src/cruise/policies/$$cell.$$kind; done; done
 
+# Trained while speed counted from v_min.
+EXTRA.ring-2 := --speed-zero-at v_min --w-speed 0.005 --learning-rate 2e-3 --final-learning-rate 2e-4
+EXTRA.ring-4 := --speed-zero-at v_min --w-speed 0.005 --episode-steps 600
 # As fast as the paper's, from the last stage alone: speed is worth more, a crash costs less.
-FAST := --vanilla --terminal -5
-EXTRA.ring-3 := $(FAST) --w-speed 0.05
-EXTRA.figure-eight-3 := $(FAST) --w-speed 0.05
-EXTRA.figure-eight-4 := $(FAST) --w-speed 0.05
-# And nearer to the frames, in smaller steps.
-EXTRA.figure-eight-2 := $(FAST) --w-speed 0.01 --edge-margin 0.1 --learning-rate 1.4e-3 \
-    --final-learning-rate 1e-4 --seed 2
+FAST := --speed-zero-at v_min --episode-steps 600 --vanilla --terminal -5
+EXTRA.ring-3 := $(FAST)
+EXTRA.figure-eight-3 := $(FAST)
+EXTRA.figure-eight-4 := $(FAST)
+# And nearer to the frames.
+EXTRA.figure-eight-2 := $(FAST) --w-speed 0.01 --edge-margin 0.1 --seed 2
 # VEHICLE-TRACK: for fields of any size, but racer-figure-eight and racer-random, which are for a drone alone.
 # VEHICLE-TRACK-field: for fields where VEHICLE-TRACK is for a drone alone.
 # racer-ring goes on from racer-ring-first on the last stage alone, in smaller steps.

@@ -23,7 +23,7 @@ EVALUATION_SEED = 2026
 # The last stage and self-play from the start, in smaller steps; speed is worth more, and a crash costs less.
 RECIPE = (
     f"--track {TRACK} --drones {DRONES} --vanilla "
-    "--learning-rate 8e-4 --final-learning-rate 5e-5 --w-speed 0.03 --terminal -5"
+    "--learning-rate 8e-4 --final-learning-rate 5e-5 --w-speed 0.03 --speed-zero-at v_min --terminal -5"
 )
 
 

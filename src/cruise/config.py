@@ -267,7 +267,7 @@ class TrainConfig:
     observation: ObservationKind = "extended"
     vanilla: bool = False  # train on the last stage alone, from scratch, for as many steps
     step_scale: float = 1.0  # multiplies every stage's budget
-    episode_steps: int = 600  # time limit of a training episode, in control steps
+    episode_steps: int = 300  # time limit of a training episode, in control steps
     collision_distance: float = 0.4  # two drones nearer than this collide while training [m]
     checkpoint_seconds: float = 30.0
     reward: RewardWeights = field(default_factory=RewardWeights)

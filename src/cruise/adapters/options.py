@@ -25,6 +25,7 @@ from cruise.racing.track_file import load_track
 from cruise.storage.policy_file import shipped_name
 
 RACE = "race"
+EPISODE_STEPS = 600  # time limit of an episode that is no race, in control steps
 
 
 @dataclass(frozen=True)
@@ -191,4 +192,4 @@ def _limit(options: RaceOptions, track: Track, laps: int, vehicle: Vehicle) -> i
         return options.episode_steps
     if options.stage == RACE:
         return round(Match(track, (), laps).time_limit / vehicle.control_dt)
-    return TrainConfig().episode_steps
+    return EPISODE_STEPS

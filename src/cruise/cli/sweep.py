@@ -17,7 +17,8 @@ class Sweep(Study):
     address: Annotated[str | None, described("HOST:PORT")] = None
     """The head of a Ray cluster, or `auto`. By default this machine alone. All must see --results and --work."""
     cores: Annotated[int | None, described("N")] = None
-    """Cores for each job; as many jobs run at once as there are cores for. By default all of a machine."""
+    """Cores for each job, which keeps to them; as many jobs run at once as there are cores for. By default each has its
+    share of all cores: one, where jobs are many."""
 
     def run(self) -> int:
         """Run what is left of the plan."""

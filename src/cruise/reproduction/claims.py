@@ -46,7 +46,7 @@ def claims_table(evidence: Evidence) -> Table:
         *(_wins_duels(evidence, kind) for kind in ENTRANTS if kind != "cruise"),
         _stages_grow(evidence),
     )
-    note = "Compared as printed: speeds rounded to 0.1 m/s, success to 0.1 %."
+    note = "Compared as printed: speeds rounded to 0.1 m/s, their ratio to 0.1, success to 0.1 %."
     header = ("claim", "printed", "measured", "holds here")
     return Table("claims", "The paper's claims, checked", header, rows, scale_note(evidence) + note)
 
@@ -115,8 +115,11 @@ def _faster(evidence: Evidence, planner: str, printed: str) -> Claim:
     if not found:
         return Claim(claim, printed, NOT_RUN, NOT_RUN)
     told = ", ".join(f"{place}: {factor:.2f}" for place, factor in found.items())
-    least = SPEED_FACTOR if planner == "se-ibr" else 1.0
-    return Claim(claim, printed, f"times {told}", _holds(sum(f >= least for f in found.values()), len(found)))
+    if planner == "se-ibr":  # the printed speeds of ring 4 are 4.3 and 2.3 m/s, which the paper calls 1.9 times, too
+        held = sum(round(factor, 1) >= SPEED_FACTOR for factor in found.values())
+    else:
+        held = sum(factor >= 1.0 for factor in found.values())
+    return Claim(claim, printed, f"times {told}", _holds(held, len(found)))
 
 
 def _vanilla_fails(evidence: Evidence) -> Claim:

@@ -2,7 +2,7 @@
 
 import functools
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -124,13 +124,13 @@ def mixed_settings(evidence: Evidence) -> list[str]:
     """Kinds whose cells were not all made with the same settings.
 
     Track, drones and seed apart, and what the plan lets depend on them: the planner's style, the boldness of learning,
-    the share of sparring partners.
+    the share of sparring partners, the length of episodes.
     """
     first: dict[tuple[str, Any], dict[str, Any]] = {}
     mixed = {}
     for cell in evidence.all_cells:
         planner, usual = KINDS[cell.kind].family == "planner", evidence.scale.base(cell.drones)
-        group = (cell.kind, cell.track if planner else (usual.ppo, usual.opponents))
+        group = (cell.kind, cell.track if planner else replace(usual, drones=1))
         if not agree(first.setdefault(group, cell.config), cell.config, apart=("track", "drones", "seed")):
             mixed[cell.kind] = True
     return list(mixed)

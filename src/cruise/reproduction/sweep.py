@@ -13,6 +13,7 @@ from typing import Any
 
 from cruise.errors import CruiseError, one_line
 from cruise.extras import import_extra
+from cruise.reproduction.own_cores import own_cores
 from cruise.reproduction.plan import Job
 from cruise.reproduction.results import ResultFolder
 from cruise.reproduction.study import Event, run_jobs
@@ -27,7 +28,7 @@ class Cluster:
     """Where tasks run."""
 
     address: str | None = None  # of a cluster's head; None: this machine alone
-    cores: int | None = None  # for each job; None: all of this machine
+    cores: int | None = None  # for each job; None: what its share is of all
 
 
 def run_job(work: Work, job: Job) -> Event:
@@ -56,7 +57,7 @@ def sweep(
         CruiseError: Ray is not installed, does not start, or has no machine with so many cores.
     """
     ray = import_extra("ray", "ray", "a sweep needs Ray")
-    cores = _start(ray, cluster)
+    cores = _start(ray, cluster, len(jobs))
     work = dataclasses.replace(work, folder=work.folder.absolute(), results=ResultFolder(work.results.path.absolute()))
 
     # One job per worker process: JAX counts its devices once, and a process that trained keeps what it compiled.
@@ -70,8 +71,9 @@ def sweep(
 
 
 def _task(work: Work, job: Job, cores: int, prepare: Callable[[int], None], run: Callable[[Work, Job], Event]) -> Event:
-    prepare(cores)
-    return run(work, job)
+    with own_cores(cores):
+        prepare(cores)
+        return run(work, job)
 
 
 def _as_they_end(ray: Any, running: dict[Any, Job]) -> Iterator[Event]:
@@ -95,8 +97,8 @@ def _find(address: str) -> None:
         raise CruiseError(f"no Ray cluster answers at {address}: {error}") from None
 
 
-def _start(ray: Any, cluster: Cluster) -> int:
-    """Start Ray, or join the cluster; gives the cores for each job."""
+def _start(ray: Any, cluster: Cluster, jobs: int) -> int:
+    """Start Ray, or join the cluster; gives the cores for each of so many jobs."""
     if cluster.address not in (None, "auto"):
         _find(cluster.address)
     logging.getLogger("ray").setLevel(logging.ERROR)  # `logging_level` leaves out what Ray says before it starts
@@ -105,8 +107,9 @@ def _start(ray: Any, cluster: Cluster) -> int:
         ray.init(log_to_driver=False, logging_level="ERROR", configure_logging=False, **local)
     except (ConnectionError, RuntimeError, ValueError) as error:
         raise CruiseError(f"Ray does not start: {one_line(error, TOLD)}") from None
-    most = max((int(node["Resources"].get("CPU", 0)) for node in ray.nodes() if node["Alive"]), default=0)
-    cores = most if cluster.cores is None else cluster.cores
+    machines = [int(node["Resources"].get("CPU", 0)) for node in ray.nodes() if node["Alive"]]
+    most = max(machines, default=0)
+    cores = min(most, max(1, sum(machines) // max(1, jobs))) if cluster.cores is None else cluster.cores
     if not 1 <= cores <= most:
         ray.shutdown()
         raise CruiseError(f"--cores must be between 1 and {most}, as many as the largest machine has, not {cores}")
