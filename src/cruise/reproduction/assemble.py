@@ -54,6 +54,7 @@ def make_report(evidence: Evidence) -> Report:
     figures = {name: tuple(map(_picture, drawings)) for name, drawings in all_figures(evidence, ratings).items()}
     tables = {table.name: table for table in all_tables(evidence, ratings)}
     performance = tuple(table for name, table in tables.items() if name.startswith("performance-"))
+    ingredients = tuple(tables[name] for name in ("ablations", "trials") if name in tables)
     return Report(
         title="CRUISE reproduced",
         lead=headline(evidence, ratings),
@@ -65,7 +66,7 @@ def make_report(evidence: Evidence) -> Report:
             Section(
                 "Who wins against whom", pictures=figures["meetings"], tables=(tables["duels"], tables["mixed-fields"])
             ),
-            Section("What each ingredient does", pictures=figures["ablations"], tables=(tables["ablations"],)),
+            Section("What each ingredient does", pictures=figures["ablations"], tables=ingredients),
             Section("After every stage", pictures=figures["stages"], tables=(tables["stages"],)),
             Section("Learning curves", pictures=figures["curves"]),
             Section("Trajectories", () if figures["paths"] else (NO_RACE,), pictures=figures["paths"]),

@@ -13,6 +13,8 @@ from cruise.reproduction.plan import KINDS, Job, Scale
 from cruise.reproduction.pooling import Summary, summarise, summarise_cells
 from cruise.reproduction.results import CELLS, MEETINGS, Cell, HeadToHead, ResultFolder
 from cruise.reproduction.settings import agree
+from cruise.reproduction.trials import read_trials
+from cruise.storage.policy_file import PolicyMeta
 from cruise.storage.race_log import RaceLog, load_race_log
 
 Place = tuple[str, str, int]  # kind, track, drones
@@ -26,6 +28,7 @@ class Evidence:
     cells: dict[Place, tuple[Cell, ...]]
     meetings: dict[tuple[str, int], tuple[HeadToHead, ...]]  # by track and drones
     races: dict[Place, RaceLog]  # kept for the pictures
+    trials: tuple[PolicyMeta, ...] = ()  # what was tried beside the plan
 
     def of(self, kind: str, track: str, drones: int) -> tuple[Cell, ...]:
         """A kind's cells, one per seed; none where it was not run."""
@@ -84,6 +87,7 @@ def read_evidence(folder: ResultFolder, scale: Scale) -> Evidence:
         _grouped(cells, lambda cell: (cell.kind, cell.track, cell.drones)),
         _grouped(meetings, lambda meeting: (meeting.track, meeting.drones)),
         dict(_races(folder, scale)),
+        read_trials(folder.path),
     )
 
 

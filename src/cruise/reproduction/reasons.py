@@ -42,9 +42,10 @@ def _shortfalls(evidence: Evidence) -> Point:
         return Point(head, NOT_YET)
     slow, unsafe = short_of(evidence, speeds, "m/s"), short_of(evidence, successes, "%")
     told = [f"Mean speed: {', '.join(slow) or 'nowhere'}.", f"Success: {', '.join(unsafe) or 'nowhere'}."]
-    return Point(
-        head, " ".join(told) + (" What else was tried is in the table of ablations." if slow or unsafe else "")
-    )
+    if slow or unsafe:
+        where = "ablations and in that of single trainings below it" if evidence.trials else "ablations"
+        told.append(f"What else was tried is in the table of {where}.")
+    return Point(head, " ".join(told))
 
 
 def _each_track(evidence: Evidence, tell: Callable[[str, Summary], str]) -> str:
@@ -133,7 +134,8 @@ def _crashing_pays(evidence: Evidence) -> Point:
         "The printed reward weights make crashing attractive.",
         f"At stage 5 the speed term alone costs {weights.w_speed:g} x ({last.v_min:g} - {speed:g}) = {cost:.1f} a "
         f"step, while a crash costs {-weights.terminal:g} once and ends the cost; and above the clip of "
-        f"{weights.clip:g} nothing is gained by flying faster. With the default weights against the printed ones: "
+        f"{weights.clip:g} nothing is gained by flying faster. The default pays for speed from rest on, so that "
+        "nothing is gained by dying. With the default weights against the printed ones: "
         f"{of_training.contrast(evidence, 'paper-reward')}",
     )
 

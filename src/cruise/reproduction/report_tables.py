@@ -12,6 +12,7 @@ from cruise.reproduction.pooling import Pooled, Summary
 from cruise.reproduction.printed import LIMITS, STAGE_SPEEDS, TABLES, Printed
 from cruise.reproduction.ratings import Rating
 from cruise.reproduction.results import Cell
+from cruise.reproduction.trials import trial_table
 
 NOT_PRINTED = ""  # of pilots that the paper does not have
 PERFORMANCE = ("cruise", "se-ibr", "se-ibr-tuned", "vanilla", "vanilla-stage5", "self-play-only")
@@ -188,6 +189,7 @@ def all_tables(evidence: Evidence, ratings: dict[str, list[Rating]]) -> Sequence
         *(performance_table(evidence, track) for track in evidence.scale.tracks),
         stage_table(evidence),
         ablation_table(evidence),
+        *((trial_table(evidence.trials),) if evidence.trials else ()),
         duel_table(evidence),
         field_table(evidence, ratings),
         limit_table(evidence),
