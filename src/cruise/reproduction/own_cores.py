@@ -1,11 +1,12 @@
 """Cores of this machine that a process keeps to itself while others keep to theirs."""
 
 import contextlib
-import fcntl
 import os
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
+
+from cruise.storage.file_lock import Busy, locked
 
 
 @contextlib.contextmanager
@@ -24,7 +25,10 @@ def own_cores(count: int) -> Iterator[frozenset[int]]:
         if len(taken) == count:
             os.sched_setaffinity(0, taken)
             stack.callback(os.sched_setaffinity, 0, before)
-        yield taken if len(taken) == count else frozenset()
+        else:  # others may want what there is
+            stack.close()
+            taken = frozenset()
+        yield taken
 
 
 def _take(cores: list[int], count: int, stack: contextlib.ExitStack) -> Iterator[int]:
@@ -34,10 +38,9 @@ def _take(cores: list[int], count: int, stack: contextlib.ExitStack) -> Iterator
     for core in cores:
         if count == 0:
             return
-        file = stack.enter_context((folder / str(core)).open("w"))
         try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
+            stack.enter_context(locked(folder / str(core)))
+        except Busy:
             continue
         count -= 1
         yield core

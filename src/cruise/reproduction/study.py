@@ -13,7 +13,8 @@ from cruise.reproduction.learned import make_learned, make_planner
 from cruise.reproduction.plan import Family, Job
 from cruise.reproduction.results import Cell, HeadToHead
 from cruise.reproduction.settings import is_current
-from cruise.reproduction.work import Busy, Step, Work
+from cruise.reproduction.work import Step, Work
+from cruise.storage.file_lock import Busy
 
 State = Literal["done", "other settings", "broken", "not run"]
 

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -36,11 +37,11 @@ def trial_table(trials: Sequence[PolicyMeta]) -> Table:
 
 def _row(trial: PolicyMeta) -> tuple[tuple[Any, ...], tuple[Entry, ...]]:
     """By what rows are sorted, and the row."""
-    command = train_command(from_data(trial.config, TrainConfig, f"trial {trial.name}"))
-    flags = command.split(f" --seed {trial.seed}")[1]
+    config = from_data(trial.config, TrainConfig, f"trial {trial.name}")
     try:
         found = [(trial.results[name]["mean"], factor, digits) for name, factor, digits in COLUMNS]
     except (KeyError, TypeError):
         raise CruiseError(f"trial {trial.name}: results lack success_rate, mean_speed or flying_lap_time") from None
     numbers = (Number(math.nan if mean is None else factor * mean, digits=digits) for mean, factor, digits in found)
-    return (trial.drones, trial.track, flags, trial.seed), (str(trial.drones), command, *numbers)
+    alike = train_command(replace(config, seed=0))
+    return (config.drones, alike, config.seed), (str(config.drones), train_command(config), *numbers)

@@ -1,7 +1,6 @@
 """What all jobs share: the folders, the scale, who made a result."""
 
 import contextlib
-import fcntl
 import hashlib
 import os
 import platform
@@ -14,11 +13,11 @@ from typing import NamedTuple
 import jax
 
 from cruise import __version__
-from cruise.errors import CruiseError
 from cruise.reproduction.commands import reproduce_command
 from cruise.reproduction.plan import Job, Scale, config_of
 from cruise.reproduction.results import Origin, ResultFolder
 from cruise.storage.config_file import to_json
+from cruise.storage.file_lock import locked
 
 
 class Step(NamedTuple):
@@ -27,10 +26,6 @@ class Step(NamedTuple):
     doing: str  # training, measuring ...
     done: int = 0
     total: int = 0  # 0: not known
-
-
-class Busy(CruiseError):
-    """Another process runs this job."""
 
 
 @dataclass(frozen=True)
@@ -62,9 +57,5 @@ class Work:
     def lock(self, job: Job) -> Iterator[None]:
         """Keep other processes from running the same job. Raises Busy where one does."""
         self.folder.mkdir(parents=True, exist_ok=True)
-        with (self.folder / f"{job.name}.lock").open("w") as file:
-            try:
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except OSError:
-                raise Busy("another process is running it") from None
+        with locked(self.folder / f"{job.name}.lock"):
             yield
