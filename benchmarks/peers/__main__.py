@@ -18,6 +18,7 @@ from benchmarks.peers.cases import (
     PlainEnvironment,
     sbx_on_ours,
     stable_baselines_as_the_paper,
+    stable_baselines_by_its_defaults,
     stable_baselines_on_ours,
 )
 from benchmarks.peers.simulators import Rotorpy
@@ -37,6 +38,7 @@ TRAINING: Mapping[str, Callable[[], Case]] = {
     OURS: lambda: TrainingCase(TrainConfig(drones=DRONES)),
     "Stable-Baselines3, as the paper trained": stable_baselines_as_the_paper,
     "Stable-Baselines3 on CRUISE's races": stable_baselines_on_ours,
+    "Stable-Baselines3's defaults on CRUISE's races": stable_baselines_by_its_defaults,
     "SBX on CRUISE's races": sbx_on_ours,
     "Brax's PPO on CRUISE's races": lambda: Apart(sys.executable, "benchmarks.peers.brax_race:BraxPPO"),
 }

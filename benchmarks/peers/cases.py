@@ -57,6 +57,13 @@ def stable_baselines_on_ours(races: int = 512) -> Learning:
     return Learning(PPO("MlpPolicy", _ours(races), device="cpu", seed=0, **_sizes(races)))
 
 
+def stable_baselines_by_its_defaults(races: int = 512) -> Learning:
+    """Stable-Baselines3 on our vector interface as one meets it: its minibatches of 64 samples, ten times over."""
+    from stable_baselines3 import PPO  # noqa: PLC0415
+
+    return Learning(PPO("MlpPolicy", _ours(races), n_steps=64, device="cpu", seed=0))
+
+
 def sbx_on_ours(races: int = 512) -> Learning:
     """The same with SBX, Stable-Baselines3 in JAX."""
     from sbx import PPO  # noqa: PLC0415
