@@ -5,6 +5,7 @@ import pytest
 
 from cruise.evaluation.metrics import race_result
 from cruise.palette import drone_colour
+from cruise.viewer.page import write_replay
 from cruise.viewer.standings import make_course, standings
 from tests.viewer.browser import around, colour, hues, project
 from tests.viewer.races import FIELD, GATES, circle_race
@@ -289,6 +290,17 @@ def test_everything_is_in_view_and_readable(open_page, race_file, size, scheme):
     assert ground < 60 if scheme == "dark" else ground > 200
     for selector in ("#title", "#subtitle", "#board td.lap", "#time", "#duration"):
         assert contrast(page, selector) >= 4.5, selector
+
+
+@pytest.mark.parametrize("size", [(390, 844), (844, 390), (1280, 720)])
+def test_no_column_of_the_board_is_cut_off(open_page, tmp_path, size):
+    """With names as long as pilots have, every drone flown past the last lap, and one that has crashed."""
+    path = tmp_path / "race.html"
+    write_replay(path, [circle_race(pilots=np.array(["racer-figure-eight-field"] * 4))], ["it"])
+    page = open_page(path.as_uri(), size=size)
+    for t in (3.0, 7.0, 14.0):
+        page.seek(t)
+        assert page.run("(board => board.scrollWidth <= board.clientWidth)(document.querySelector('#board'))"), t
 
 
 def contrast(page, selector):

@@ -46,7 +46,9 @@ export class Board {
     const pilot = document.createElement("span");
     pilot.textContent = drone.pilot;
     pilot.title = drone.pilot;
-    cells.who.append(chip, pilot);
+    const who = document.createElement("div");
+    who.append(chip, pilot);
+    cells.who.append(who);
     row.addEventListener("click", () => this.choose(drone));
     row.addEventListener("keydown", (event) => event.key === "Enter" && this.choose(drone));
     return { row, chip, cells };
