@@ -294,7 +294,7 @@ def test_everything_is_in_view_and_readable(open_page, race_file, size, scheme):
 
 @pytest.mark.parametrize("size", [(390, 844), (844, 390), (1280, 720)])
 def test_no_column_of_the_board_is_cut_off(open_page, tmp_path, size):
-    """With names as long as pilots have, every drone flown past the last lap, and one that has crashed."""
+    """With names as long as pilots have: in flight, after a crash, when time is up."""
     path = tmp_path / "race.html"
     write_replay(path, [circle_race(pilots=np.array(["racer-figure-eight-field"] * 4))], ["it"])
     page = open_page(path.as_uri(), size=size)
