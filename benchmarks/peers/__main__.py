@@ -18,7 +18,6 @@ from benchmarks.peers.cases import (
     PlainEnvironment,
     sbx_on_ours,
     stable_baselines_as_the_paper,
-    stable_baselines_by_its_defaults,
     stable_baselines_on_ours,
 )
 from benchmarks.peers.simulators import Rotorpy
@@ -38,7 +37,7 @@ TRAINING: Mapping[str, Callable[[], Case]] = {
     OURS: lambda: TrainingCase(TrainConfig(drones=DRONES)),
     "Stable-Baselines3, as the paper trained": stable_baselines_as_the_paper,
     "Stable-Baselines3 on CRUISE's races": stable_baselines_on_ours,
-    "Stable-Baselines3's defaults on CRUISE's races": stable_baselines_by_its_defaults,
+    "Stable-Baselines3's defaults on CRUISE's races": lambda: stable_baselines_on_ours(n_steps=64),
     "SBX on CRUISE's races": sbx_on_ours,
     "Brax's PPO on CRUISE's races": lambda: Apart(sys.executable, "benchmarks.peers.brax_race:BraxPPO"),
 }

@@ -50,18 +50,11 @@ def stable_baselines_as_the_paper() -> Learning:
     return Learning(PPO("MlpPolicy", DummyVecEnv([lambda: PlainRace(DRONES)] * 4), device="cpu", seed=0))
 
 
-def stable_baselines_on_ours(races: int = 512) -> Learning:
-    """Stable-Baselines3 with the sizes of our own PPO on our vector interface, opponents included."""
+def stable_baselines_on_ours(races: int = 512, **settings: Any) -> Learning:
+    """Stable-Baselines3 on our vector interface, opponents included: with `settings`, or the sizes of our own PPO."""
     from stable_baselines3 import PPO  # noqa: PLC0415
 
-    return Learning(PPO("MlpPolicy", _ours(races), device="cpu", seed=0, **_sizes(races)))
-
-
-def stable_baselines_by_its_defaults(races: int = 512) -> Learning:
-    """Stable-Baselines3 on our vector interface as one meets it: its minibatches of 64 samples, ten times over."""
-    from stable_baselines3 import PPO  # noqa: PLC0415
-
-    return Learning(PPO("MlpPolicy", _ours(races), n_steps=64, device="cpu", seed=0))
+    return Learning(PPO("MlpPolicy", _ours(races), device="cpu", seed=0, **(settings or _sizes(races))))
 
 
 def sbx_on_ours(races: int = 512) -> Learning:
