@@ -15,7 +15,6 @@ import tyro
 from rich.console import Console
 
 from benchmarks.headline import FULL, QUICK, headline
-from benchmarks.planner import planner_seconds
 from benchmarks.report import show
 from benchmarks.sweeps import sweep
 from cruise.cli.compilation import prepare_training
@@ -39,7 +38,6 @@ class Benchmarks:
             _compile_into(cache)
             figures: dict[str, Any] = headline(effort, cache, say)
             if not self.quick:
-                figures["planner_s"] = planner_seconds(effort, say)
                 figures["tables"] = sweep(effort, say)
         figures["seconds"] = time.monotonic() - started
         if self.json:

@@ -11,6 +11,7 @@ from jax.sharding import NamedSharding, PartitionSpec
 from jaxtyping import Array, Bool, Float
 
 from benchmarks.machine import available_memory_mb
+from benchmarks.roofline import count
 from cruise.config import Gate, ObservationKind, Track, TrainConfig
 from cruise.env.race_env import RaceEnv, make_race_env
 from cruise.env.types import RaceState, Rules, stage_rules
@@ -68,7 +69,9 @@ class EnvironmentCase:
         shape = (self.env.dynamics.action_size, drones, self.block + self.steps * STRIDE)
         self._actions = np.random.default_rng(races).uniform(-1.0, 1.0, shape).astype(np.float32)
         self.carried = self._none_begun()
-        self._run = jax.jit(self._on_devices()).lower(self.carried, self._actions, self._key).compile()
+        traced = jax.jit(self._on_devices()).trace(self.carried, self._actions, self._key)
+        self.cost = count(traced.jaxpr).times(1 / self.work)
+        self._run = traced.lower().compile()
 
     def __call__(self) -> None:
         """Go on with the races for `steps` steps."""

@@ -8,9 +8,21 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from benchmarks.environment import EnvironmentCase
-from benchmarks.machine import MATMUL_SIZES, Case, Matmul, cores, describe_machine, interleave, rates, versions
+from benchmarks.machine import (
+    COPIED,
+    MATMUL_SIZES,
+    Case,
+    Copy,
+    Matmul,
+    cores,
+    describe_machine,
+    interleave,
+    rates,
+    versions,
+)
+from benchmarks.roofline import Ceiling, shares
 from benchmarks.startup import Start, start_training
-from benchmarks.training import TrainingCase, environment_flop, trainer_flop
+from benchmarks.training import TrainingCase
 from cruise.config import TrainConfig
 
 DRONES = 4
@@ -57,6 +69,7 @@ class Sizes(NamedTuple):
     few: int  # races
     many: int
     products: tuple[int, ...]  # side of the matrices
+    copied: int = COPIED  # bytes
 
 
 SIZES = Sizes(TrainConfig(drones=DRONES), RACES, MANY_RACES, MATMUL_SIZES)
@@ -69,12 +82,13 @@ class Subjects(NamedTuple):
     few: EnvironmentCase
     many: EnvironmentCase
     products: dict[str, Matmul]
+    copy: Copy
 
 
 def measure_rates(subjects: Subjects, effort: Effort) -> dict[str, Any]:
-    """Training, environment and matrix products in turn, then the environment with few and with many races."""
-    training, few, many, products = subjects
-    together: dict[str, Case] = {"training": training, "environment": few, **products}
+    """Training, environment and both ceilings in turn, then the environment with few and with many races."""
+    training, few, many, products, copy = subjects
+    together: dict[str, Case] = {"training": training, "environment": few, **products, "copy": copy}
     taken = interleave(together, effort.rounds, effort.seconds)
     apart: dict[str, Case] = {"few": few, "many": many}
     taken_apart = interleave(apart, effort.rounds // 3, effort.seconds)
@@ -83,21 +97,28 @@ def measure_rates(subjects: Subjects, effort: Effort) -> dict[str, Any]:
         "env_drone_steps_per_s": per_second["environment"],
         "env_drone_steps_per_s_100k_races": per_second_apart["many"],
         "env_share_100k_races": per_second_apart["many"] / per_second_apart["few"],
-        **roofline(training, per_second["training"], max(per_second[name] for name in products)),
-        "rounds": {"training, environment, matmul": len(taken["training"]), "100k races": len(taken_apart["many"])},
+        "train_steps_per_s": per_second["training"],
+        **rooflines(subjects, per_second, Ceiling(max(per_second[name] for name in products), per_second["copy"])),
+        "rounds": {"training, environment, ceilings": len(taken["training"]), "100k races": len(taken_apart["many"])},
     }
 
 
-def roofline(training: TrainingCase, steps_per_s: float, flop_per_s: float) -> dict[str, Any]:
-    """Steps per second against those that the machine could make if all its time went into matrix products."""
-    flop = trainer_flop(training.trainer)
+def rooflines(subjects: Subjects, per_second: dict[str, float], ceiling: Ceiling) -> dict[str, Any]:
+    """What a step costs, and how near its rate comes to what the machine could do if it did nothing else."""
+    training = shares(subjects.training.cost, per_second["training"], ceiling)
+    environment = shares(subjects.few.cost, per_second["environment"], ceiling)
     return {
-        "train_steps_per_s": steps_per_s,
-        "train_roofline_share": steps_per_s * flop.total / flop_per_s,
-        "matmul_gflops": flop_per_s / 1e9,
-        "flop_per_train_step": flop.total,
-        "flop_per_train_step_by_part": flop._asdict(),
-        "env_flop_per_train_step": environment_flop(training.trainer.env, training.rules),
+        "matmul_gflops": ceiling.flop_per_s / 1e9,
+        "copy_gb_per_s": ceiling.bytes_per_s / 1e9,
+        "train_roofline_share": training["flop_share"],
+        "train_copy_share": training["copy_share"],
+        "flop_per_train_step": training["flop"],
+        "flop_per_train_step_by_part": subjects.training.flop._asdict(),
+        "bytes_per_train_step": training["bytes"],
+        "env_flop_share": environment["flop_share"],
+        "env_copy_share": environment["copy_share"],
+        "flop_per_env_drone_step": environment["flop"],
+        "bytes_per_env_drone_step": environment["bytes"],
     }
 
 
@@ -110,8 +131,8 @@ def headline(effort: Effort, cache: Path, say: Say, sizes: Sizes = SIZES) -> dic
         few, many = (beside.submit(EnvironmentCase, races, sizes.config.drones) for races in (sizes.few, sizes.many))
         training = TrainingCase(sizes.config)
         products = {f"matmul {size}": Matmul(size) for size in sizes.products}
-        subjects = Subjects(training, few.result(), many.result(), products)
-    say("timing training, the environment and matrix products")
+        subjects = Subjects(training, few.result(), many.result(), products, Copy(sizes.copied))
+    say("timing training, the environment, matrix products and copying")
     return {**measure_rates(subjects, effort), **starts, "method": METHOD, **about}
 
 
@@ -121,5 +142,7 @@ METHOD = {
     "offset from a block drawn beforehand, extended observation, reward, auto-reset from a pool of starts",
     "training": f"Trainer.update, ring, {DRONES} drones, last stage, default PPO",
     "flop_per_train_step": "products of the networks only, two operations per weight, nothing counted twice",
+    "flop_per_env_drone_step": "floating-point operations of the program as written",
+    "bytes_per_...": "what loops carry, take and leave, operands and results of products, what is read by index",
     "peak_memory_mb": "the highest of the processes that start, compile and train",
 }

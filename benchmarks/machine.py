@@ -14,10 +14,14 @@ from typing import Protocol
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.sharding import NamedSharding, PartitionSpec
 
+from benchmarks.roofline import Cost
 from cruise import __version__
+from cruise.training.devices import AXIS, make_mesh
 
 MATMUL_SIZES = (1024, 2048)
+COPIED = 2**28  # bytes, more than any cache holds
 LEAST_ROUNDS = 3  # whatever the time limit
 
 
@@ -28,6 +32,12 @@ class Case(Protocol):
 
     def __call__(self) -> None:
         """Do it once."""
+
+
+class CostedCase(Case, Protocol):
+    """A case of which is known what it costs."""
+
+    cost: Cost  # of one unit
 
 
 class Matmul:
@@ -42,6 +52,24 @@ class Matmul:
     def __call__(self) -> None:
         """Multiply once."""
         jax.block_until_ready(self._product(self._matrix, self._matrix))
+
+
+class Copy:
+    """Going once over an array that lies in memory, every device over its part. Its unit is the byte, read or written.
+
+    Results lie where operands lay: fresh memory for them would cost several times as much.
+    """
+
+    def __init__(self, size: int = COPIED) -> None:
+        """Compile it for an array of `size` bytes on all devices."""
+        spread = NamedSharding(make_mesh(jax.devices()), PartitionSpec(AXIS))
+        self._array = jax.device_put(np.ones((len(jax.devices()), size // 4 // len(jax.devices())), np.float32), spread)
+        self.work = 2.0 * self._array.nbytes
+        self._negate = jax.jit(jnp.negative, donate_argnums=0).lower(self._array).compile()
+
+    def __call__(self) -> None:
+        """Once."""
+        self._array = jax.block_until_ready(self._negate(self._array))
 
 
 def interleave(cases: Mapping[str, Case], rounds: int, seconds: float) -> dict[str, list[float]]:

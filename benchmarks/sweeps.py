@@ -6,16 +6,14 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
-from benchmarks.environment import TRACK, EnvironmentCase, round_track, that_fit
-from benchmarks.headline import DRONES, RACES, Effort, Say, roofline
-from benchmarks.machine import Case, Matmul, interleave, rates
+from benchmarks.environment import EnvironmentCase, round_track, that_fit
+from benchmarks.flights import PLANNED_DRONES, PLANNED_SECONDS, EvaluationCase, PlannerCase, pilot_of
+from benchmarks.headline import DRONES, RACES, Effort, Say
+from benchmarks.machine import Case, Copy, CostedCase, Matmul, interleave, rates
+from benchmarks.roofline import Ceiling, shares
 from benchmarks.startup import race_command, run_command, train_command
 from benchmarks.training import TrainingCase
 from cruise.config import PPOConfig, TrainConfig
-from cruise.errors import CruiseError
-from cruise.evaluation.matches import evaluate_match, make_match
-from cruise.presets import TRACKS
-from cruise.storage.policy_file import shipped_name
 
 Row = dict[str, Any]
 C = TypeVar("C", bound=Case)
@@ -25,45 +23,21 @@ DRONES_SWEPT = (1, 2, 4, 8, 16, 32)
 GATES_SWEPT = (4, 8, 16, 32)
 DRONES_TRAINED = (1, 2, 3, 4)
 NETWORKS = ((32, 32), (64, 64), (128, 128), (256, 256))
-EVALUATED = 100  # races per evaluation
 MATMUL = 2048
-
-
-def pilot_of(drones: int) -> str:
-    """The policy shipped for the ring, or where there is none a pilot that needs no training."""
-    try:
-        return shipped_name(TRACK, drones)
-    except CruiseError:
-        return "chaser"
-
-
-class EvaluationCase:
-    """`cruise evaluate` without its start: races of three laps, flown and measured. Its unit is the race."""
-
-    def __init__(self, drones: int, races: int = EVALUATED) -> None:
-        """Put the match together and fly it once, which compiles."""
-        self.work = float(races)
-        self.races = races
-        self.match = make_match(TRACKS[TRACK], drones, pilot_of(drones))
-        self()
-
-    def __call__(self) -> None:
-        """Evaluate once."""
-        evaluate_match(self.match, self.races, seed=0)
 
 
 def environment_races(effort: Effort, say: Say) -> list[Row]:
     """Drone-steps per second over the number of races, as many as memory lets."""
     rows = [{"races": races} for races in that_fit(RACES_SWEPT)]
     cases = _built(rows, lambda row: EnvironmentCase(row["races"]), "environment", say)
-    return _timed(rows, cases, "drone_steps_per_s", effort)
+    return _beside_ceilings(rows, cases, "drone_steps_per_s", effort)
 
 
 def environment_drones(effort: Effort, say: Say) -> list[Row]:
     """Drone-steps per second over the number of drones in a race; about as many drones in the air each time."""
     rows = [{"drones": drones, "races": RACES * DRONES // drones} for drones in DRONES_SWEPT]
     cases = _built(rows, lambda row: EnvironmentCase(row["races"], row["drones"]), "environment", say)
-    return _timed(rows, cases, "drone_steps_per_s", effort)
+    return _beside_ceilings(rows, cases, "drone_steps_per_s", effort)
 
 
 def environment_gates(effort: Effort, say: Say) -> list[Row]:
@@ -72,14 +46,14 @@ def environment_gates(effort: Effort, say: Say) -> list[Row]:
     cases = _built(
         rows, lambda row: EnvironmentCase(RACES, DRONES, track=round_track(row["gates"])), "environment", say
     )
-    return _timed(rows, cases, "drone_steps_per_s", effort)
+    return _beside_ceilings(rows, cases, "drone_steps_per_s", effort)
 
 
 def environment_observations(effort: Effort, say: Say) -> list[Row]:
     """Drone-steps per second with either observation and with none."""
     rows = [{"observation": kind} for kind in ("extended", "paper", None)]
     cases = _built(rows, lambda row: EnvironmentCase(RACES, DRONES, row["observation"]), "environment", say)
-    return _timed(rows, cases, "drone_steps_per_s", effort)
+    return _beside_ceilings(rows, cases, "drone_steps_per_s", effort)
 
 
 def training_drones(effort: Effort, say: Say) -> list[Row]:
@@ -96,7 +70,15 @@ def evaluations(effort: Effort, say: Say) -> list[Row]:
     """Races flown and measured per second, with the shipped policies where there are any."""
     rows = [{"drones": drones, "pilot": pilot_of(drones)} for drones in DRONES_TRAINED]
     cases = _built(rows, lambda row: EvaluationCase(row["drones"]), "evaluation", say)
-    return _timed(rows, cases, "races_per_s", effort)
+    return _beside_ceilings(rows, cases, "races_per_s", effort)
+
+
+def planner(effort: Effort, say: Say) -> list[Row]:
+    """How long SE-IBR takes to plan for all drones of many races, every 0.1 s in three rounds, and plans per second."""
+    rows: list[Row] = [{"drones": PLANNED_DRONES, "seconds_flown": PLANNED_SECONDS}]
+    (case,) = cases = _built(rows, lambda row: PlannerCase(), "the planner", say)
+    (row,) = _beside_ceilings(rows, cases, "plans_per_s", effort._replace(rounds=3))
+    return [{"races": case.races, **row, "seconds": case.work / row["plans_per_s"]}]
 
 
 def interfaces(effort: Effort, say: Say) -> list[Row]:
@@ -134,7 +116,7 @@ def _run_one(name: str, cache: Path, filled: bool) -> Row:
 def sweep(effort: Effort, say: Say) -> dict[str, list[Row]]:
     """Every table, by name."""
     of_environment = (environment_races, environment_drones, environment_gates, environment_observations)
-    tables = (*of_environment, training_drones, training_networks, evaluations, interfaces)
+    tables = (*of_environment, training_drones, training_networks, evaluations, planner, interfaces)
     swept = {table.__name__: table(effort, say) for table in tables}
     return {**swept, "commands": commands(say)}
 
@@ -156,13 +138,15 @@ def _timed(rows: list[Row], cases: Sequence[Case], unit: str, effort: Effort) ->
     return [row | {unit: per_second[name], "rounds": len(taken[name])} for name, row in zip(named, rows, strict=True)]
 
 
+def _beside_ceilings(rows: list[Row], cases: Sequence[CostedCase], unit: str, effort: Effort) -> list[Row]:
+    """The same, with what a unit costs and how near its rate comes to what this machine can do in the same rounds."""
+    *timed, product, copy = _timed([*rows, {}, {}], [*cases, Matmul(MATMUL), Copy()], unit, effort)
+    ceiling = Ceiling(product[unit], copy[unit])
+    return [row | shares(case.cost, row[unit], ceiling) for row, case in zip(timed, cases, strict=True)]
+
+
 def _trained(rows: list[Row], effort: Effort, say: Say) -> list[Row]:
     def build(row: Row) -> TrainingCase:
         return TrainingCase(TrainConfig(drones=row["drones"], ppo=PPOConfig(hidden=row["hidden"])))
 
-    cases = _built(rows, build, "training", say)
-    *timed, product = _timed([*rows, {}], [*cases, Matmul(MATMUL)], "steps_per_s", effort)
-    for case, row in zip(cases, timed, strict=True):
-        share = roofline(case, row["steps_per_s"], product["steps_per_s"])
-        row |= {name: share[name] for name in ("train_roofline_share", "flop_per_train_step")}
-    return timed
+    return _beside_ceilings(rows, _built(rows, build, "training", say), "steps_per_s", effort)

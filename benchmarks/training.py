@@ -5,12 +5,10 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
+from benchmarks.roofline import Cost, count
 from cruise.config import PPOConfig, TrainConfig
-from cruise.env.race_env import RaceEnv
-from cruise.env.types import RaceState, Rules
 from cruise.presets import TRACKS, VEHICLES
 from cruise.training.trainer import Trainer
 from cruise.training.types import TrainState
@@ -26,6 +24,9 @@ class TrainingCase:
         self.state: TrainState = self.trainer.initial_state()
         phase = self.trainer.phases[-1]
         self.rules, self.alone = self.trainer.rules_of(phase), np.asarray(phase.alone)
+        self.flop = trainer_flop(self.trainer)
+        traced = self.trainer.update.trace(self.state, self.rules, self.alone)
+        self.cost = Cost(self.flop.total, count(traced.jaxpr).bytes / self.work)
         self()
 
     def __call__(self) -> None:
@@ -78,16 +79,3 @@ def trainer_flop(trainer: Trainer) -> TrainFlop:
     env, config = trainer.env, trainer.config
     observation = jax.eval_shape(lambda key: env.observe(env.reset(key, (1,))), jax.random.key(0))
     return train_flop(observation.shape[0], env.dynamics.action_size, config.drones, config.ppo)
-
-
-def environment_flop(env: RaceEnv, rules: Rules, races: int = 64) -> float | None:
-    """Of stepping and observing one race with all its drones, as XLA counts them before it optimises."""
-
-    def step(state: RaceState, action: jax.Array, rules: Rules) -> tuple:
-        state, outcome = env.step(state, env.decode(state, action), rules)
-        return env.observe(state), outcome.reward, outcome.terminated, state
-
-    state = jax.eval_shape(lambda key: env.reset(key, (races,)), jax.random.key(0))
-    action = jax.ShapeDtypeStruct((env.dynamics.action_size, env.num_drones, races), jnp.float32)
-    counted = jax.jit(step).lower(state, action, rules).cost_analysis()
-    return counted["flops"] / races if counted and "flops" in counted else None
