@@ -14,8 +14,8 @@ from cruise.env.observation_body import body_observation, noticed
 from cruise.env.ranks import ranks
 from cruise.env.types import RaceState
 from cruise.racing.course import Course, pick
-from cruise.racing.field import opponent, opponents
-from cruise.vector import dot, norm, sin_cos
+from cruise.racing.field import all_opponents, opponent, opponents
+from cruise.vector import dot, norm, sin_cos, stored
 
 DISTANCE_MAX = 10.0  # d_max of the paper [m]
 SPEED_MAX = 10.0  # v_max of the paper [m/s]
@@ -66,7 +66,7 @@ LIMIT = 3.0  # the extended observation is clipped to [-LIMIT, LIMIT]
 ABSENT = 1e6  # sorts an opponent that left the air behind all others [m]
 
 
-def to_gate_frame(normal_w: Float[Array, "2 *B"], vector_w: Float[Array, "3 *B"]) -> Float[Array, "3 *B"]:
+def to_gate_frame(normal_w: Float[Array, "2 *#B"], vector_w: Float[Array, "3 *#B"]) -> Float[Array, "3 *#B"]:
     """A world vector along (forward, left, up) of a gate whose normal is (cos yaw, sin yaw)."""
     (cos_yaw, sin_yaw), (x, y, z) = normal_w, vector_w
     return jnp.stack([cos_yaw * x + sin_yaw * y, cos_yaw * y - sin_yaw * x, z])
@@ -121,25 +121,25 @@ def _nearest_first(normal: Array, state: RaceState) -> list[Float[Array, "9 N *B
     Relative position and velocity, closeness, and time and closeness of the nearest approach at constant velocity. They
     fade out with distance: where a drone that no race ever showed is far off, the policy flies as if it were alone.
     """
-    position, velocity, airborne = state.drones.position_w, state.drones.velocity_w, state.airborne
-    features, separations = [], []
-    for k in opponents(airborne.shape[0]):
-        here = opponent(airborne, k, 0)
-        offset, motion = opponent(position, k, 1) - position, opponent(velocity, k, 1) - velocity
-        separation = norm(offset)
-        time = jnp.clip(-dot(offset, motion) / jnp.maximum(dot(motion, motion), 0.01), 0.0, LOOK_AHEAD)
-        closeness = [jnp.exp(-separation), time / LOOK_AHEAD, jnp.exp(-norm(offset + motion * time))]
-        vectors = [to_gate_frame(normal, offset), to_gate_frame(normal, motion)]
-        seen = jnp.concatenate([vectors[0] / OPPONENT_RANGE, vectors[1] / OPPONENT_RANGE, jnp.stack(closeness)])
-        features.append(jnp.where(here, noticed(separation, NOTICE) * jnp.clip(seen, -LIMIT, LIMIT), 0.0))
-        separations.append(jnp.where(here, separation, ABSENT))
-    places = ranks(separations)
+    position, velocity = state.drones.position_w, state.drones.velocity_w
+    drones = position.shape[1]
+    if drones == 1:
+        return []
+    here = all_opponents(state.airborne, 0)
+    offset, motion = (all_opponents(vector, 1) - vector[:, None] for vector in (position, velocity))
+    separation = norm(offset)
+    time = jnp.clip(-dot(offset, motion) / jnp.maximum(dot(motion, motion), 0.01), 0.0, LOOK_AHEAD)
+    closeness = [jnp.exp(-separation), time / LOOK_AHEAD, jnp.exp(-norm(offset + motion * time))]
+    vectors = [to_gate_frame(normal[:, None], vector) / OPPONENT_RANGE for vector in (offset, motion)]
+    seen = jnp.clip(jnp.concatenate([*vectors, jnp.stack(closeness)]), -LIMIT, LIMIT)
+    features = jnp.where(here, noticed(separation, NOTICE) * seen, 0.0)
+    places = [stored(place.astype(jnp.float32)) for place in ranks(list(jnp.where(here, separation, ABSENT)))]
 
     def at(slot: int) -> Array:
-        chosen = [jnp.where(place == slot, f, 0.0) for f, place in zip(features, places, strict=True)]
+        chosen = [jnp.where(place == slot, features[:, k], 0.0) for k, place in enumerate(places)]
         return functools.reduce(operator.add, chosen)
 
-    return [at(slot) for slot in range(len(features))]
+    return [at(slot) for slot in range(drones - 1)]
 
 
 def own_action(course: Course, next_gate: Int[Array, "*B"], action: Float[Array, "A *B"]) -> Float[Array, "A *B"]:

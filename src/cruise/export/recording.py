@@ -16,7 +16,7 @@ from cruise.env.types import RaceState
 from cruise.pilots.neural import NeuralPilot
 from cruise.presets import VEHICLES
 from cruise.racing.course import Course
-from cruise.racing.field import opponent, opponents
+from cruise.racing.field import all_opponents
 from cruise.rollout import team_rules
 
 RACES, STEPS = 16, 250
@@ -114,8 +114,7 @@ def _seen(state: RaceState, previous: Array) -> dict[str, Array]:
 
     def others(values: Array) -> Array:
         """[C, N, E] of every drone's opponents, own number + 1 first and around: [E, N, N - 1, C]."""
-        around = jnp.stack([opponent(values, k, 1) for k in opponents(drones)])  # [N - 1, C, N, E]
-        return around.transpose(3, 2, 0, 1)
+        return all_opponents(values, 1).transpose(3, 2, 1, 0)
 
     return own | {
         "others_position_w": others(body.position_w),

@@ -15,6 +15,11 @@ def opponent(values: Array, k: int, axis: int) -> Array:
     return jnp.roll(values, -k, axis=axis)
 
 
+def all_opponents(values: Array, axis: int) -> Array:
+    """`values` of all N - 1 opponents of every drone, along a new axis before that of the drones."""
+    return jnp.stack([opponent(values, k, axis) for k in opponents(values.shape[axis])], axis=axis)
+
+
 def opponents(num_drones: int) -> Iterator[int]:
     """Numbers of a drone's opponents."""
     return iter(range(1, num_drones))
