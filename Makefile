@@ -137,7 +137,8 @@ TRAIN.racer-figure-eight-sturdy := $(STURDY) --track figure-eight --drones 1 --s
 # Progress to the middle of gates: on a track that it has never seen a drone does not know how far a corner can be cut.
 TRAIN.racer-random := --vehicle racer --track random --drones 1 --step-scale 2 --progress-to centre --terminal -40 \
     --w-edge 20 --edge-margin 0.3
-TRAIN.crazyflie-ring := --vehicle crazyflie --track ring --drones 4
+# Trained before frames cost more and partners were more.
+TRAIN.crazyflie-ring := --vehicle crazyflie --track ring --drones 4 --edge-margin 0.2 --w-edge 10 --sparring-share 0.1
 TRACK_AND_DRONES = --track $(shell echo $* | sed 's/-[0-9]*$$//') --drones $(lastword $(subst -, ,$*))
 
 runs/%/policy.json:

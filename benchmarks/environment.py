@@ -26,7 +26,7 @@ COLLISION_DISTANCE = TrainConfig().collision_distance  # [m]
 MOST_STEPS, LEAST_STEPS = 64, 16  # per call
 DRONE_STEPS = 2**21  # per call, about
 STRIDE = 16  # by which the table of random actions is shifted from step to step
-BLOCK = 256  # at most so many races side by side: with all they see they fit into a core's cache
+BLOCK = 256  # at most so many races side by side on a core: with all they see they fit into its cache
 
 
 class Races(NamedTuple):
@@ -42,8 +42,8 @@ class Races(NamedTuple):
 class EnvironmentCase:
     """Races in parallel under random actions. Its unit is the step of one drone.
 
-    Every device flies its share of the races, block after block, each block for all steps of a call. For each it draws
-    a pool of starts; actions are slices, at another offset in every step, of a table drawn beforehand, because
+    Every device flies its share of the races, a core block after block, each block for all steps of a call. For each it
+    draws a pool of starts; actions are slices, at another offset in every step, of a table drawn beforehand, because
     generating random numbers is not what is measured. A race in which the first drone is out begins anew from the pool
     at the start of the next step. The observation is part of what the loop carries, so that it is there in full at
     every step.
@@ -65,7 +65,7 @@ class EnvironmentCase:
         self.rules: Rules = jax.tree.map(jnp.asarray, stage_rules(CURRICULA[vehicle][-1], COLLISION_DISTANCE))
         self._key = jax.random.key(races)
         self._mesh = make_mesh(choose_devices(races))
-        self.block = block_size(races // self._mesh.size)
+        self.block = block_size(races // self._mesh.size, self._mesh.devices.flat[0].platform)
         shape = (self.env.dynamics.action_size, drones, self.block + self.steps * STRIDE)
         self._actions = np.random.default_rng(races).uniform(-1.0, 1.0, shape).astype(np.float32)
         self.carried = self._none_begun()
@@ -142,8 +142,10 @@ def round_track(gates: int) -> Track:
     return Track(f"{gates} gates", tuple(placed), (-reach, -reach, 0.0), (reach, reach, 8.0))
 
 
-def block_size(races: int) -> int:
-    """The largest number of races up to BLOCK that divides them all."""
+def block_size(races: int, platform: str = "cpu") -> int:
+    """The largest number of races up to BLOCK that divides them all; all of them where there are thousands of lanes."""
+    if platform != "cpu":
+        return races
     return max(size for size in range(1, BLOCK + 1) if races % size == 0)
 
 

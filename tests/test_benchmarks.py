@@ -118,6 +118,7 @@ def test_races_of_the_environment_benchmark_begin_again_from_the_pool():
 @pytest.mark.parametrize(("races", "size"), [(1, 1), (16, 16), (2048, 256), (50_000, 250), (257, 1)])
 def test_blocks_share_the_races(races, size):
     assert environment.block_size(races) == size
+    assert environment.block_size(races, "gpu") == races
 
 
 def test_as_many_races_as_memory_lets(monkeypatch):
