@@ -20,11 +20,7 @@ from benchmarks.startup import run_command
 TRACK, DRONES = "ring", 2
 SUCCESS, SPEED = 0.95, 4.4  # the least share of drones that finish, the least mean speed [m/s]
 EVALUATION_SEED = 2026
-# The last stage and self-play from the start, in smaller steps; speed is worth more, and a crash costs less.
-RECIPE = (
-    f"--track {TRACK} --drones {DRONES} --vanilla "
-    "--learning-rate 8e-4 --final-learning-rate 5e-5 --w-speed 0.03 --speed-zero-at v_min --terminal -5"
-)
+RECIPE = f"--track {TRACK} --drones {DRONES} --vanilla"  # the last stage and self-play from the start
 
 
 @dataclass(frozen=True)
