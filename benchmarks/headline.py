@@ -143,6 +143,7 @@ METHOD = {
     "training": f"Trainer.update, ring, {DRONES} drones, last stage, default PPO",
     "flop_per_train_step": "products of the networks only, two operations per weight, nothing counted twice",
     "flop_per_env_drone_step": "floating-point operations of the program as written",
-    "bytes_per_...": "what loops carry, take and leave, operands and results of products, what is read by index",
+    "bytes_per_train_step, bytes_per_env_drone_step": "what loops carry, take and leave, operands and results of "
+    "products, what is read by index",
     "peak_memory_mb": "the highest of the processes that start, compile and train",
 }
