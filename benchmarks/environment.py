@@ -10,7 +10,7 @@ import numpy as np
 from jax.sharding import NamedSharding, PartitionSpec
 from jaxtyping import Array, Bool, Float
 
-from benchmarks.machine import available_memory_mb
+from benchmarks.machine import available_memory_mb, platform_kind
 from benchmarks.roofline import count
 from cruise.config import Gate, ObservationKind, Track, TrainConfig
 from cruise.env.race_env import RaceEnv, make_race_env
@@ -65,7 +65,7 @@ class EnvironmentCase:
         self.rules: Rules = jax.tree.map(jnp.asarray, stage_rules(CURRICULA[vehicle][-1], COLLISION_DISTANCE))
         self._key = jax.random.key(races)
         self._mesh = make_mesh(choose_devices(races))
-        self.block = block_size(races // self._mesh.size, self._mesh.devices.flat[0].platform)
+        self.block = block_size(races // self._mesh.size, platform_kind())
         shape = (self.env.dynamics.action_size, drones, self.block + self.steps * STRIDE)
         self._actions = np.random.default_rng(races).uniform(-1.0, 1.0, shape).astype(np.float32)
         self.carried = self._none_begun()

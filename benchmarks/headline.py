@@ -9,14 +9,14 @@ from typing import Any, NamedTuple
 
 from benchmarks.environment import EnvironmentCase
 from benchmarks.machine import (
-    COPIED,
-    MATMUL_SIZES,
+    PRODUCTS,
     Case,
     Copy,
     Matmul,
     cores,
     describe_machine,
     interleave,
+    platform_kind,
     rates,
     versions,
 )
@@ -68,11 +68,11 @@ class Sizes(NamedTuple):
     config: TrainConfig
     few: int  # races
     many: int
-    products: tuple[int, ...]  # side of the matrices
-    copied: int = COPIED  # bytes
+    products: tuple[int, ...] | None = None  # sides of the matrices; None: what the device needs
+    copied: int | None = None  # bytes; the same
 
 
-SIZES = Sizes(TrainConfig(drones=DRONES), RACES, MANY_RACES, MATMUL_SIZES)
+SIZES = Sizes(TrainConfig(drones=DRONES), RACES, MANY_RACES)
 
 
 class Subjects(NamedTuple):
@@ -130,7 +130,7 @@ def headline(effort: Effort, cache: Path, say: Say, sizes: Sizes = SIZES) -> dic
     with ThreadPoolExecutor() as beside:
         few, many = (beside.submit(EnvironmentCase, races, sizes.config.drones) for races in (sizes.few, sizes.many))
         training = TrainingCase(sizes.config)
-        products = {f"matmul {size}": Matmul(size) for size in sizes.products}
+        products = {f"matmul {size}": Matmul(size) for size in sizes.products or PRODUCTS[platform_kind()]}
         subjects = Subjects(training, few.result(), many.result(), products, Copy(sizes.copied))
     say("timing training, the environment, matrix products and copying")
     return {**measure_rates(subjects, effort), **starts, "method": METHOD, **about}

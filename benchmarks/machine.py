@@ -20,8 +20,9 @@ from benchmarks.roofline import Cost
 from cruise import __version__
 from cruise.training.devices import AXIS, make_mesh
 
-MATMUL_SIZES = (1024, 2048)
-COPIED = 2**28  # bytes, more than any cache holds
+# Sides of the matrices that are multiplied, and bytes copied, more than any cache holds: a few milliseconds' work.
+PRODUCTS = {"cpu": (1024, 2048), "gpu": (4096, 8192)}
+COPIED = {"cpu": 2**28, "gpu": 2**32}
 LEAST_ROUNDS = 3  # whatever the time limit
 
 
@@ -60,8 +61,9 @@ class Copy:
     Results lie where operands lay: fresh memory for them would cost several times as much.
     """
 
-    def __init__(self, size: int = COPIED) -> None:
+    def __init__(self, size: int | None = None) -> None:
         """Compile it for an array of `size` bytes on all devices."""
+        size = size or COPIED[platform_kind()]
         spread = NamedSharding(make_mesh(jax.devices()), PartitionSpec(AXIS))
         self._array = jax.device_put(np.ones((len(jax.devices()), size // 4 // len(jax.devices())), np.float32), spread)
         self.work = 2.0 * self._array.nbytes
@@ -70,6 +72,11 @@ class Copy:
     def __call__(self) -> None:
         """Once."""
         self._array = jax.block_until_ready(self._negate(self._array))
+
+
+def platform_kind() -> str:
+    """Of the devices that JAX computes on: "cpu" or "gpu"."""
+    return "cpu" if jax.devices()[0].platform == "cpu" else "gpu"
 
 
 def interleave(cases: Mapping[str, Case], rounds: int, seconds: float) -> dict[str, list[float]]:

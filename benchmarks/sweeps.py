@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 from benchmarks.environment import EnvironmentCase, round_track, that_fit
 from benchmarks.flights import PLANNED_DRONES, PLANNED_SECONDS, EvaluationCase, PlannerCase, pilot_of
 from benchmarks.headline import DRONES, RACES, Effort, Say
-from benchmarks.machine import Case, Copy, CostedCase, Matmul, interleave, rates
+from benchmarks.machine import PRODUCTS, Case, Copy, CostedCase, Matmul, interleave, platform_kind, rates
 from benchmarks.roofline import Ceiling, shares
 from benchmarks.startup import race_command, run_command, train_command
 from benchmarks.training import TrainingCase
@@ -23,7 +23,6 @@ DRONES_SWEPT = (1, 2, 4, 8, 16, 32)
 GATES_SWEPT = (4, 8, 16, 32)
 DRONES_TRAINED = (1, 2, 3, 4)
 NETWORKS = ((32, 32), (64, 64), (128, 128), (256, 256))
-MATMUL = 2048
 
 
 def environment_races(effort: Effort, say: Say) -> list[Row]:
@@ -140,7 +139,8 @@ def _timed(rows: list[Row], cases: Sequence[Case], unit: str, effort: Effort) ->
 
 def _beside_ceilings(rows: list[Row], cases: Sequence[CostedCase], unit: str, effort: Effort) -> list[Row]:
     """The same, with what a unit costs and how near its rate comes to what this machine can do in the same rounds."""
-    *timed, product, copy = _timed([*rows, {}, {}], [*cases, Matmul(MATMUL), Copy()], unit, effort)
+    ceilings = Matmul(PRODUCTS[platform_kind()][-1]), Copy()
+    *timed, product, copy = _timed([*rows, {}, {}], [*cases, *ceilings], unit, effort)
     ceiling = Ceiling(product[unit], copy[unit])
     return [row | shares(case.cost, row[unit], ceiling) for row, case in zip(timed, cases, strict=True)]
 
