@@ -88,13 +88,14 @@ def test_absent_opponents_are_zeros_behind_the_others() -> None:
             assert (np.abs(seen[slot, :, i][:, present > slot]).max(axis=0) > 0).all()
 
 
-def test_opponents_are_listed_nearest_first_and_fade_with_distance() -> None:
+@pytest.mark.parametrize("drones", [4, 9])
+def test_opponents_are_listed_nearest_first_and_fade_with_distance(drones: int) -> None:
     """Relative position leads each slot; in a small field none of it is clipped. Whole up to 2.5 m, gone at 5 m."""
-    env = race_env(4)
+    env = race_env(drones)
     state = random_race(env, out=0.0, spread=1.5)
     position = np.asarray(state.drones.position_w)
-    seen = np.linalg.norm(opponents_seen(4, state)[:, :3], axis=1)
-    for i in range(4):
+    seen = np.linalg.norm(opponents_seen(drones, state)[:, :3], axis=1)
+    for i in range(drones):
         distance = np.linalg.norm(np.delete(position, i, axis=1) - position[:, i : i + 1], axis=0)
         distance = np.sort(distance, axis=0)
         assert ((distance < 2.5).any(), (distance > 5).any()) == (True, True)
