@@ -38,7 +38,9 @@ class Case(Protocol):
 class CostedCase(Case, Protocol):
     """A case of which is known what it costs."""
 
-    cost: Cost  # of one unit
+    @property
+    def cost(self) -> Cost:
+        """Of one unit."""
 
 
 class Matmul:

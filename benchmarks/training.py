@@ -24,15 +24,23 @@ class TrainingCase:
         self.state: TrainState = self.trainer.initial_state()
         phase = self.trainer.phases[-1]
         self.rules, self.alone = self.trainer.rules_of(phase), np.asarray(phase.alone)
-        self.flop = trainer_flop(self.trainer)
-        traced = self.trainer.update.trace(self.state, self.rules, self.alone)
-        self.cost = Cost(self.flop.total, count(traced.jaxpr).bytes / self.work)
         self()
 
     def __call__(self) -> None:
         """One update: a rollout, then all epochs on it."""
         self.state, metrics = self.trainer.update(self.state, self.rules, self.alone)
         jax.block_until_ready((self.state, metrics))
+
+    @property
+    def flop(self) -> "TrainFlop":
+        """What a step needs at least."""
+        return trainer_flop(self.trainer)
+
+    @property
+    def cost(self) -> Cost:
+        """The same, and the bytes that a step moves. Counted when asked for: a start is timed without it."""
+        traced = self.trainer.update.trace(self.state, self.rules, self.alone)
+        return Cost(self.flop.total, count(traced.jaxpr).bytes / self.work)
 
 
 class TrainFlop(NamedTuple):

@@ -51,3 +51,11 @@ def random_track(seed: int, gates: int = 7) -> Track:
         for r, a in zip(radii, angles, strict=True)
     )
     return Track("random", placed, bounds_low=(-30.0, -30.0, 0.0), bounds_high=(30.0, 30.0, 20.0))
+
+
+def flat(data: dict, path: str = "") -> dict:
+    """Nested dictionaries as one, keys joined by dots."""
+    found = {}
+    for key, value in data.items():
+        found |= flat(value, f"{path}{key}.") if isinstance(value, dict) else {path + key: value}
+    return found

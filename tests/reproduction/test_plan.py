@@ -22,6 +22,7 @@ from cruise.reproduction.plan import (
 from cruise.storage.config_file import to_data
 from cruise.training.curriculum import plan_phases
 from cruise.training.validation import check_config
+from tests.helpers import flat
 
 SCALES = {"full": full_scale(), "quick": quick_scale()}
 LEARNED = [name for name, kind in KINDS.items() if kind.family == "learned"]
@@ -78,13 +79,6 @@ def test_all_but_one_kind_train_for_as_many_steps(name):
 
 def changed(kind: str) -> dict:
     """What a kind's configuration changes."""
-
-    def flat(data: dict, path: str = "") -> dict:
-        found = {}
-        for key, value in data.items():
-            found |= flat(value, f"{path}{key}.") if isinstance(value, dict) else {path + key: value}
-        return found
-
     mine = flat(to_data(config_of(Job(kind, "ring", 4, 0), full_scale())))
     usual = flat(to_data(TrainConfig()))
     return {key: value for key, value in mine.items() if value != usual[key]}
