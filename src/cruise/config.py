@@ -7,6 +7,7 @@ Vec3 = tuple[float, float, float]
 Integrator = Literal["euler", "semi_implicit", "midpoint", "rk4"]
 Control = Literal["acceleration", "velocity", "position", "ctbr"]
 ObservationKind = Literal["extended", "paper", "body", "body-near"]
+GateShape = Literal["rectangle", "round"]
 SelfPlayMode = Literal["within", "after", "off"]
 OUR_SIMULATOR = "cruise"  # what moves the drones where no other is named
 
@@ -116,17 +117,44 @@ class Vehicle:
 
 @dataclass(frozen=True)
 class Gate:
-    """A rectangular opening that is crossed along its normal `(cos yaw, sin yaw, 0)`."""
+    """An opening that is crossed along its normal, the first of its axes (forward, left, up).
+
+    The axes are the columns of Rz(yaw) Ry(pitch) Rx(roll); the normal of an upright gate is `(cos yaw, sin yaw, 0)`.
+    """
 
     position_w: Vec3  # centre of the opening [m]
     yaw: float  # heading of the normal, the direction of flight [rad]
-    width: float = 2.0  # of the opening [m]
-    height: float = 2.0  # of the opening [m]
+    width: float = 2.0  # of the opening; the diameter of a round one [m]
+    height: float = 2.0  # of the opening; the width of a round one [m]
+    roll: float = 0.0  # about the normal [rad]
+    pitch: float = 0.0  # of the normal below the horizon [rad]
+    shape: GateShape = "rectangle"
+
+
+@dataclass(frozen=True)
+class Pole:
+    """A vertical cylinder, solid."""
+
+    base_w: Vec3  # middle of its foot [m]
+    height: float  # [m]
+    radius: float  # [m]
+
+
+@dataclass(frozen=True)
+class Wall:
+    """An upright box, solid."""
+
+    position_w: Vec3  # its centre [m]
+    size: Vec3  # length along its heading, thickness, height [m]
+    yaw: float = 0.0  # heading of its length [rad]
+
+
+Obstacle = Pole | Wall
 
 
 @dataclass(frozen=True)
 class Track:
-    """Gates in the order they are flown, repeated every lap."""
+    """Gates in the order they are flown, repeated every lap, and what else stands there."""
 
     name: str
     gates: tuple[Gate, ...]
@@ -136,6 +164,7 @@ class Track:
     frame_width: float = 0.3  # solid border around every opening [m]
     leave_distance: float = 10.0  # farther than this from every gate has left the track [m]
     variants: tuple[tuple[Gate, ...], ...] = ()  # other places of the same gates; where given, every race draws one
+    obstacles: tuple[Obstacle, ...] = ()
 
 
 @dataclass(frozen=True)
