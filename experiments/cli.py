@@ -80,7 +80,7 @@ class Reproduce(Study):
         return show_events(Console(), run_jobs(work, wanted), wanted, len(jobs))
 
     def _report(self, work: Work) -> None:
-        from experiments.assemble import write_report  # noqa: PLC0415  (imports Matplotlib)
+        from experiments.report import write_report  # noqa: PLC0415  (imports Matplotlib)
 
         evidence = read_evidence(work.results, work.scale)
         page = write_report(evidence, self.out or work.folder / "report")

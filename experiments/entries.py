@@ -1,14 +1,10 @@
-"""What the entries and notes of all the report's tables share."""
+"""How numbers of the report are written, in tables and in text."""
 
 from experiments.evidence import Evidence
 from experiments.pooling import Pooled, Summary
 from experiments.table import Entry, Number
 
 NOT_RUN = "not run"
-INTERVALS = (
-    "Mean and, in brackets or small, 95 % interval over training seeds (over evaluation seeds for the planner); where "
-    "there is one seed alone, over its races."
-)
 
 
 def number(pooled: Pooled | None, factor: float = 1.0, digits: int = 2) -> Entry:
@@ -28,14 +24,15 @@ def seeds(summary: Summary | None) -> str:
     return str(len(summary.seeds)) if summary else "0"
 
 
-def note(evidence: Evidence, text: str) -> str:
-    """A table's note, which begins with what every table says of a run that is not the full one."""
-    return scale_note(evidence) + text
-
-
 def scale_note(evidence: Evidence) -> str:
     """The scale of a run that is not the full one; "" of the full one."""
     scale = evidence.scale
     if scale.name == "full":
         return ""
     return f"Quick run: {scale.steps / 1e6:g} M training steps instead of 40 M, {scale.races} races, one seed. "
+
+
+def percent(pooled: Pooled) -> str:
+    """A rate for people; nothing but all is called 100 %, nothing but none 0 %."""
+    value = 100 * pooled.mean
+    return f"{value:.0f} %" if value in (0.0, 100.0) else f"{min(max(value, 0.1), 99.9):.1f} %"

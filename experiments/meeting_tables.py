@@ -2,7 +2,7 @@
 
 from itertools import permutations
 
-from experiments.entries import note, number
+from experiments.entries import number, scale_note
 from experiments.evidence import Evidence
 from experiments.plan import DUEL, ENTRANTS, KINDS, MIXED
 from experiments.ratings import Rating, field_place, field_survival, field_wins, win_rate
@@ -23,11 +23,7 @@ def duel_table(evidence: Evidence) -> Table:
         "Duels: how often the first pilot beats the second",
         ("track", "pilot", "against", "won [%]", "races"),
         tuple(rows),
-        note(
-            evidence,
-            "A duel is won by who finishes first, or by who alone did not crash; where both crash nobody wins, so two "
-            "rates need not add up to 100 %. Sides alternate. Intervals over seeds, as above.",
-        ),
+        scale_note(evidence),
     )
 
 
@@ -56,9 +52,5 @@ def field_table(evidence: Evidence, ratings: dict[str, list[Rating]]) -> Table:
         "One of each in the same race, and ratings from all meetings",
         ("track", "pilot", "won [%]", "finished [%]", "mean place", "rating"),
         tuple(rows),
-        note(
-            evidence,
-            "Ratings: openskill's Plackett-Luce over duels and mixed races, 25 at the start; only differences mean "
-            "something. Their intervals are percentiles of a bootstrap over seeds and races, the others as above.",
-        ),
+        scale_note(evidence),
     )

@@ -68,5 +68,5 @@ class Limit(NamedTuple):
 GENTLE = Limit("paper's vehicle, gentle commands (action changes by at most 0.2 a step)", 13.1, 17.35)
 FREE = Limit("paper's vehicle, free commands, thrust never negative", 12.1, 15.6)
 UNPHYSICAL = Limit("paper's vehicle as printed, thrust may be negative", 10.9, 13.7)
-AGILE = Limit("quadrotor with thrust-to-weight 3.3 and body-rate control", 3.44, 4.35)
+AGILE = Limit("quadrotor with thrust-to-weight 3.3 and body-rate control, without drag", 3.44, 4.35)
 LIMITS = (GENTLE, FREE, UNPHYSICAL, AGILE)

@@ -3,10 +3,11 @@
 from collections.abc import Sequence
 
 from cruise.presets import CURRICULUM, PAPER_TRACKS
-from experiments.entries import INTERVALS, NOT_RUN, note, number, quantity, seeds
+from experiments.claims import claims_table
+from experiments.entries import NOT_RUN, number, quantity, scale_note, seeds
 from experiments.evidence import Evidence
 from experiments.meeting_tables import duel_table, field_table
-from experiments.plan import ABLATION_DRONES, ABLATIONS, KINDS, make_plan
+from experiments.plan import ABLATION_DRONES, ABLATIONS, KINDS
 from experiments.pooling import Pooled, Summary
 from experiments.printed import LIMITS, STAGE_SPEEDS, TABLES, Printed
 from experiments.ratings import Rating
@@ -38,11 +39,7 @@ def performance_table(evidence: Evidence, track: str) -> Table:
             "seeds",
         ),
         tuple(rows),
-        note(
-            evidence,
-            f"{INTERVALS} Printed: mean ± standard deviation over 100 episodes; its lap is the length of the track "
-            "over the mean speed, which is the nominal lap here. Speeds and laps are those of drones that finished.",
-        ),
+        scale_note(evidence),
     )
 
 
@@ -90,11 +87,7 @@ def stage_table(evidence: Evidence) -> Table:
         "CRUISE after every stage of the curriculum",
         ("track", "drones", "stage", "speed, paper's files [m/s]", "speed [m/s]", "timed lap [s]", "success [%]"),
         tuple(rows),
-        note(
-            evidence,
-            f"{INTERVALS} Every policy flies with the agility of its own stage under the final rules: true openings, "
-            "every collision final. Speeds are those of all drones while in the air.",
-        ),
+        scale_note(evidence),
     )
 
 
@@ -111,7 +104,7 @@ def ablation_table(evidence: Evidence) -> Table:
         "What each ingredient does: four drones",
         ("track", "training", "what it is", "success [%]", "mean speed [m/s]", "timed lap [s]", "collisions", "seeds"),
         tuple(rows),
-        note(evidence, f"{INTERVALS} Collisions are per race of four drones."),
+        scale_note(evidence),
     )
 
 
@@ -141,11 +134,7 @@ def limit_table(evidence: Evidence) -> Table:
         "Timed laps beside the fastest laps this vehicle can fly",
         ("pilot", "drones", "ring [s]", "figure-eight [s]", "ring, above the limit [%]", "figure-eight, above [%]"),
         tuple(rows),
-        note(
-            evidence,
-            "The limit is the fastest lap of one drone alone with free commands and thrust that is never negative "
-            "(second line), the best that was found.",
-        ),
+        scale_note(evidence),
     )
 
 
@@ -176,20 +165,17 @@ def runs_table(evidence: Evidence) -> Table:
         made = (f"{cell.origin.version}, jax {cell.origin.jax}", cell.origin.platform)
         rows.append((*place, steps, minutes, str(len(cell.measured.success)), *made, cell.origin.command))
     header = ("pilot", "track", "drones", "seed", "steps [M]", "training [min]", "races", "version", "on", "command")
-    missing = len([job for job in make_plan(evidence.scale) if job.family != "head-to-head"]) - len(rows)
-    left = f"{missing} planned cells are not run yet. " if missing > 0 else ""
-    return Table(
-        "runs", "Every run", header, tuple(rows), note(evidence, f"{left}Wall times on a machine that others shared.")
-    )
+    return Table("runs", "Every run", header, tuple(rows), scale_note(evidence))
 
 
 def all_tables(evidence: Evidence, ratings: dict[str, list[Rating]]) -> Sequence[Table]:
-    """In the order of the report."""
+    """All of them."""
     return (
+        claims_table(evidence),
         *(performance_table(evidence, track) for track in evidence.scale.tracks),
         stage_table(evidence),
         ablation_table(evidence),
-        *((trial_table(evidence.trials),) if evidence.trials else ()),
+        trial_table(evidence.trials),
         duel_table(evidence),
         field_table(evidence, ratings),
         limit_table(evidence),

@@ -30,8 +30,6 @@ def trial_table(trials: Sequence[PolicyMeta]) -> Table:
         "What was tried for speed and for success: single trainings",
         ("drones", "what makes it", "success [%]", "mean speed [m/s]", "timed lap [s]"),
         tuple(row for _, row in rows),
-        "One training per row, 100 races each, flown before the settings of the study were chosen: the flags are what "
-        "differs from today's. Where seeds of one command lie apart, so may rows by chance alone.",
     )
 
 

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 from matplotlib.figure import Figure
 
@@ -38,15 +37,6 @@ COLOURS = {
 DRONE_COLOURS = {2: BLUE, 3: ORANGE, 4: GREEN}
 
 
-@dataclass(frozen=True)
-class Drawing:
-    """A figure, its name, and what it shows in words."""
-
-    name: str
-    caption: str
-    figure: Figure
-
-
 def dot(pooled: Pooled | None, factor: float = 1.0, printed: float | None = None) -> Dot | None:
     """A pooled quantity as a figure shows it; None where there is nothing to show."""
     if pooled is None or not pooled.known:
@@ -57,7 +47,7 @@ def dot(pooled: Pooled | None, factor: float = 1.0, printed: float | None = None
 Quantity = Callable[[Summary], Pooled]
 
 
-def overview(evidence: Evidence) -> Drawing:
+def overview(evidence: Evidence) -> Figure:
     """Success, speed and lap of all pilots."""
     kinds = ("cruise", "vanilla", "se-ibr", "se-ibr-tuned", "self-play-only")
     rows = [
@@ -65,12 +55,7 @@ def overview(evidence: Evidence) -> Drawing:
         [_panel(evidence, track, kinds, "speed", "mean speed [m/s]", 1) for track in evidence.scale.tracks],
         [_panel(evidence, track, kinds, "lap", "timed flying lap [s]", 1) for track in evidence.scale.tracks],
     ]
-    caption = (
-        "Who finishes, how fast, in what time. Filled marks with bars: measured, with 95 % intervals; hollow marks: "
-        "printed in the paper. Dotted: the fastest lap this vehicle can fly. Speeds and laps are of drones that "
-        "finished."
-    )
-    return Drawing("overview", caption, draw_comparison(rows))
+    return draw_comparison(rows)
 
 
 def _panel(evidence: Evidence, track: str, kinds: Sequence[str], name: str, unit: str, factor: float) -> Panel:
@@ -88,7 +73,7 @@ def _panel(evidence: Evidence, track: str, kinds: Sequence[str], name: str, unit
     return Panel(f"{track}: {unit.partition(' [')[0]}", unit, groups, tuple(series), lines, high)
 
 
-def stages(evidence: Evidence) -> Drawing:
+def stages(evidence: Evidence) -> Figure:
     """Mean speed after every stage, as in the paper's ablation figures."""
     panels = []
     for track in evidence.scale.tracks:
@@ -98,17 +83,13 @@ def stages(evidence: Evidence) -> Drawing:
             points = tuple((k, s.air_speed.mean, s.air_speed.low, s.air_speed.high) for k, s in found.items())
             lines.append(StageLine(f"{n} drones", DRONE_COLOURS.get(n, BLACK), points, STAGE_SPEEDS[track, n]))
         panels.append(StagePanel(PAPER_TRACKS[track], f"{track}: mean speed in the air", "m/s", tuple(lines), 5.0))
-    caption = (
-        "CRUISE's mean speed after every stage, with 95 % intervals; dashed with hollow marks: the result files of the "
-        "paper's repository. The track is drawn in the corner."
-    )
-    return Drawing("stages", caption, draw_stages(panels, [stage.name for stage in CURRICULUM]))
+    return draw_stages(panels, [stage.name for stage in CURRICULUM])
 
 
 CURVE_KINDS = ("cruise", "vanilla", "curriculum-only", "self-play-only")
 
 
-def curves(evidence: Evidence) -> Drawing:
+def curves(evidence: Evidence) -> Figure:
     """Survival and speed in evaluations while learning."""
     drones = max(evidence.scale.drones)
     rows = []
@@ -123,12 +104,7 @@ def curves(evidence: Evidence) -> Drawing:
             ]
             row.append(CurvePanel(f"{track}, {drones} drones", title, tuple(lines), _edges(evidence), high))
         rows.append(row)
-    caption = (
-        f"Learning curves of {drones} drones, one line per seed, as training evaluates itself: under the rules of the "
-        "stage at hand, against the opponents of the moment, and alone in the air where opponents are no part of the "
-        "training. Vertical lines end CRUISE's stages; the dips after them are harder rules."
-    )
-    return Drawing("learning-curves", caption, draw_curves(rows))
+    return draw_curves(rows)
 
 
 def _edges(evidence: Evidence) -> tuple[float, ...]:
@@ -146,7 +122,7 @@ def _curve_line(kind: str, cell: Cell, name: str) -> CurveLine:
     return CurveLine(KINDS[kind].title, COLOURS[kind], CURVE_KINDS.index(kind), steps, values)
 
 
-def duels(evidence: Evidence) -> Drawing:
+def duels(evidence: Evidence) -> Figure:
     """The win-rate matrices."""
     names = tuple(KINDS[kind].title for kind in ENTRANTS)
     matrices = []
@@ -156,49 +132,40 @@ def duels(evidence: Evidence) -> Drawing:
             tuple(None if one == other else _rate(win_rate(met, one, other)) for other in ENTRANTS) for one in ENTRANTS
         )
         matrices.append(Matrix(f"{track}: the pilot of the row wins", names, rates))
-    caption = (
-        "How often the pilot of the row beats the one of the column in duels, with 95 % intervals. Duels in which both "
-        "crash are won by nobody."
-    )
-    return Drawing("duels", caption, draw_matrices(matrices))
+    return draw_matrices(matrices)
 
 
 def _rate(pooled: Pooled) -> tuple[float, float, float]:
     return pooled.mean, pooled.low, pooled.high
 
 
-def ratings_figure(evidence: Evidence, ratings: dict[str, list[Rating]]) -> Drawing:
+def ratings_figure(evidence: Evidence, ratings: dict[str, list[Rating]]) -> Figure:
     """Ratings per track."""
     row = []
     for track in evidence.scale.tracks:
         skills = {rating.entrant: rating.skill for rating in ratings.get(track, [])}
         rows = tuple((KINDS[kind].title, COLOURS[kind], dot(skills.get(kind))) for kind in ENTRANTS)
         row.append(Listing(f"{track}: rating", "skill (25: the start)", rows))
-    caption = "Ratings from all duels and mixed races (openskill, Plackett-Luce), with 95 % bootstrap intervals."
-    return Drawing("ratings", caption, draw_listings([row]))
+    return draw_listings([row])
 
 
-def limits(evidence: Evidence) -> Drawing:
+def limits(evidence: Evidence) -> Figure:
     """Timed laps against what the vehicle can do."""
     row = []
     for track in evidence.scale.tracks:
         panel = _panel(evidence, track, ENTRANTS, "lap", "timed flying lap [s]", 1)
         lines = ((FREE.lap(track), "free"), (GENTLE.lap(track), "gentle"))
         row.append(Panel(panel.title, panel.unit, panel.groups, panel.series, lines))
-    caption = (
-        "Timed laps, and (dotted) the fastest that one drone alone could fly with this vehicle, with free commands "
-        "and with gentle ones, whose action changes by at most 0.2 a step."
-    )
-    return Drawing("limits", caption, draw_comparison([row]))
+    return draw_comparison([row])
 
 
-def ablations(evidence: Evidence) -> Drawing:
+def ablations(evidence: Evidence) -> Figure:
     """What each ingredient does, for four drones."""
     panels = [
         [_ablation(evidence, track, "success", "finished, per drone [%]", 100) for track in evidence.scale.tracks],
         [_ablation(evidence, track, "lap", "timed flying lap [s]", 1) for track in evidence.scale.tracks],
     ]
-    return Drawing("ablations", "What each ingredient does, four drones, with 95 % intervals.", draw_listings(panels))
+    return draw_listings(panels)
 
 
 def _ablation(evidence: Evidence, track: str, name: str, unit: str, factor: float) -> Listing:
@@ -210,20 +177,15 @@ def _ablation(evidence: Evidence, track: str, name: str, unit: str, factor: floa
     return Listing(f"{track}: {unit.partition(' [')[0]}", unit, tuple(rows), lines)
 
 
-def paths(evidence: Evidence) -> list[Drawing]:
-    """Trajectories of four CRUISE drones on each track, and of a mixed field."""
-    drawings = []
+def paths(evidence: Evidence) -> dict[str, Figure]:
+    """Trajectories of four CRUISE drones on each track, and of a mixed field; those that were kept."""
+    figures = {}
     for kind, what in (("cruise", "four CRUISE drones"), ("head-to-head", "one pilot of each kind")):
         for track in evidence.scale.tracks:
             log = evidence.races.get((kind, track, MIXED))
             if log is not None:
-                figure = draw_paths(log, f"{track}: {what}", _names(log, kind))
-                caption = (
-                    f"{track}: {what}, {log.laps} laps from standing; the first race that was flown, not a chosen one. "
-                    "Rings: starts; crosses: collisions."
-                )
-                drawings.append(Drawing(f"paths-{kind}-{track}", caption, figure))
-    return drawings
+                figures[f"paths-{kind}-{track}"] = draw_paths(log, f"{track}: {what}", _names(log, kind))
+    return figures
 
 
 def _names(log: RaceLog, kind: str) -> list[str]:
@@ -233,14 +195,15 @@ def _names(log: RaceLog, kind: str) -> list[str]:
     return [KINDS[pilot].title if pilot in KINDS else pilot for pilot in log.pilots.tolist()]
 
 
-def all_figures(evidence: Evidence, ratings: dict[str, list[Rating]]) -> dict[str, list[Drawing]]:
-    """By section of the report."""
+def all_figures(evidence: Evidence, ratings: dict[str, list[Rating]]) -> dict[str, Figure]:
+    """By name."""
     return {
-        "overview": [overview(evidence)],
-        "paths": paths(evidence),
-        "stages": [stages(evidence)],
-        "curves": [curves(evidence)],
-        "ablations": [ablations(evidence)],
-        "meetings": [duels(evidence), ratings_figure(evidence, ratings)],
-        "limits": [limits(evidence)],
+        "overview": overview(evidence),
+        "stages": stages(evidence),
+        "learning-curves": curves(evidence),
+        "ablations": ablations(evidence),
+        "duels": duels(evidence),
+        "ratings": ratings_figure(evidence, ratings),
+        "limits": limits(evidence),
+        **paths(evidence),
     }
