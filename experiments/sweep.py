@@ -11,6 +11,7 @@ import socket
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
+from cruise.cli.experiments import call
 from cruise.errors import CruiseError, one_line
 from cruise.extras import import_extra
 from experiments.own_cores import own_cores
@@ -61,11 +62,12 @@ def sweep(
     work = dataclasses.replace(work, folder=work.folder.absolute(), results=ResultFolder(work.results.path.absolute()))
 
     # One job per worker process: JAX counts its devices once, and a process that trained keeps what it compiled.
-    remote = ray.remote(num_cpus=cores, max_retries=RETRIES, max_calls=1)(_task)
+    remote = ray.remote(num_cpus=cores, max_retries=RETRIES, max_calls=1)(call)
     try:
         for last in (False, True):
             wave = [job for job in jobs if (job.family == "head-to-head") is last]
-            yield from _as_they_end(ray, {remote.remote(work, job, cores, prepare, run): job for job in wave})
+            tasks = {job: ray.cloudpickle.dumps((_task, (work, job, cores, prepare, run))) for job in wave}
+            yield from _as_they_end(ray, {remote.remote(task): job for job, task in tasks.items()})
     finally:
         ray.shutdown()
 

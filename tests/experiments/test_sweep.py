@@ -2,6 +2,8 @@
 
 import os
 import signal
+import subprocess
+import sys
 
 import pytest
 
@@ -60,6 +62,14 @@ def test_a_real_training_lands_where_reproduce_reads_it(work):
     assert result.config["drones"] == 2
     assert work.results.policy_of(CRUISE).with_suffix(".safetensors").exists()
     assert run_job(work, CRUISE) == Event(CRUISE, "done")  # a worker that died after it wrote is followed by this
+
+
+def test_workers_find_the_experiments_whatever_folder_a_sweep_starts_in(tmp_path):
+    words = ["sweep", "--quick", "--only", "head-to-head", "ring", "2"]
+    script = f"import sys; from cruise.cli.main import main; sys.exit(main({words!r}))"
+    done = subprocess.run([sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert "ring-2-head-to-head-s0: failed: needs the policy of ring-2-cruise-s0" in done.stdout
 
 
 def test_more_cores_than_there_are(work):
