@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from cruise.report.figure_style import FAINT, GRID, INK, MARKERS, Style, legend_below, new_figure, tidy
+from cruise.report.figure_style import FAINT, GRID, INK, MARKERS, Style, legend_below, new_figure, our_look, tidy
 
 WIDTH = 0.72  # of a group that its series fill
 
@@ -43,6 +43,7 @@ class Panel:
     high: float | None = None  # the scale goes from just below 0 to here
 
 
+@our_look()
 def draw_comparison(rows: Sequence[Sequence[Panel]]) -> Figure:
     """Panels in rows and columns, one legend."""
     figure = new_figure(5.4 * len(rows[0]), 2.9 * len(rows) + 0.6)

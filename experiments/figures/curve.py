@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from cruise.report.figure_style import Style, legend_below, new_figure, tidy
+from cruise.report.figure_style import Style, legend_below, new_figure, our_look, tidy
 
 DASHES = ("-", "--", ":", "-.")
 
@@ -35,6 +35,7 @@ class CurvePanel:
     high: float = math.nan  # of the scale, where it is fixed
 
 
+@our_look()
 def draw_curves(rows: Sequence[Sequence[CurvePanel]]) -> Figure:
     """Panels in rows and columns, one legend."""
     figure = new_figure(5.6 * len(rows[0]), 2.7 * len(rows) + 0.5)

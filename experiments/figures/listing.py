@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from cruise.report.figure_style import FAINT, INK, Style, new_figure, tidy
+from cruise.report.figure_style import FAINT, INK, Style, new_figure, our_look, tidy
 from experiments.figures.comparison import Dot
 
 
@@ -21,6 +21,7 @@ class Listing:
     lines: tuple[tuple[float, str], ...] = ()  # (value, what it is)
 
 
+@our_look()
 def draw_listings(panels: Sequence[Sequence[Listing]]) -> Figure:
     """Panels in rows and columns; names stand at the left of each row of panels."""
     names = max(len(panel.rows) for row in panels for panel in row)

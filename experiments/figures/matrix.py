@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 
-from cruise.report.figure_style import BLUE, INK, new_figure
+from cruise.report.figure_style import BLUE, INK, new_figure, our_look
 
 SHADES = LinearSegmentedColormap.from_list("rates", ["white", "#cfe3f1", BLUE])
 
@@ -22,6 +22,7 @@ class Matrix:
     rates: tuple[tuple[tuple[float, float, float] | None, ...], ...]
 
 
+@our_look()
 def draw_matrices(matrices: Sequence[Matrix]) -> Figure:
     """Matrices side by side."""
     figure = new_figure(6.6 * len(matrices), 4.2)

@@ -8,11 +8,12 @@ from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.art3d import Line3DCollection
 from mpl_toolkits.mplot3d.axes3d import Axes3D
 
-from cruise.report.figure_style import INK, Style, legend_below, new_figure, tidy
+from cruise.report.figure_style import INK, Style, legend_below, new_figure, our_look, tidy
 from cruise.report.race_scene import crashes, style
 from cruise.storage.race_log import RaceLog
 
 
+@our_look()
 def draw_paths(log: RaceLog, title: str, names: Sequence[str]) -> Figure:
     """Paths and gates of a race, one colour per drone; rings where they started, crosses where one collided."""
     figure = new_figure(12.0, 5.4)

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from cruise.config import Track
-from cruise.report.figure_style import FAINT, INK, MARKERS, Style, legend_below, new_figure, tidy
+from cruise.report.figure_style import FAINT, INK, MARKERS, Style, legend_below, new_figure, our_look, tidy
 
 
 @dataclass(frozen=True)
@@ -33,6 +33,7 @@ class StagePanel:
     ceiling: float  # the top of the scale, at least
 
 
+@our_look()
 def draw_stages(panels: Sequence[StagePanel], stages: Sequence[str]) -> Figure:
     """Panels side by side, error bars for intervals, dashed lines with hollow marks for what others printed."""
     figure = new_figure(6.6 * len(panels), 4.6)
