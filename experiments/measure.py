@@ -62,7 +62,7 @@ def _kept(value: Any) -> float | None:
 
 
 def thin_curve(rows: Sequence[dict[str, Any]], points: int = CURVE_POINTS) -> Curve:
-    """A run's metrics (`cruise.training.session.read_metrics`) in at most so many points."""
+    """A run's metrics (`cruise.training.metrics_log.read_metrics`) in at most so many points."""
     stretches = [rows[i[0] : i[-1] + 1] for i in np.array_split(np.arange(len(rows)), min(points, len(rows))) if len(i)]
 
     def last(name: str) -> Numbers:
