@@ -56,6 +56,7 @@ class RaceResult:
     collisions: dict[str, int]  # by kind; two drones that hit each other are one collision
     overtakes: int
     ranking: tuple[int, ...]  # drones, best first
+    lap_length: float  # of the closed polygon through the gates as they stood [m]
 
     @property
     def winner(self) -> int:
@@ -67,7 +68,8 @@ class RaceResult:
 def race_result(log: RaceLog) -> RaceResult:
     """All results of a race."""
     drones = tuple(_drone_result(log, drone) for drone in range(log.num_drones))
-    return RaceResult(drones, count_collisions(log), count_overtakes(crossing_times(log)), _ranking(drones))
+    overtakes = count_overtakes(crossing_times(log))
+    return RaceResult(drones, count_collisions(log), overtakes, _ranking(drones), lap_length(log))
 
 
 def events_of(log: RaceLog, kind: EventKind, drone: int) -> np.ndarray:
