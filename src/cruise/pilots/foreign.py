@@ -45,7 +45,7 @@ class ForeignPilot:
     budget: float  # time for an action of one drone [s]
 
     def init(self, env: RaceEnv, drones: tuple[int, ...], state: RaceState) -> Memory:
-        """Raises CruiseError: `cruise.pilots.cockpit` flies it, a compiled program cannot."""
+        """Raises CruiseError: `cruise.pilots.python_pilot` flies it, a compiled program cannot."""
         raise CruiseError(f"pilot {self.name!r} is plain Python: it cannot fly inside a compiled program")
 
     def act(

@@ -15,7 +15,7 @@ from cruise.training.trainer import Trainer
 from cruise.training.types import TrainState
 
 
-def first_state(trainer: Trainer) -> TrainState:
+def initial_state(trainer: Trainer) -> TrainState:
     """The trainer's initial state, with policies from elsewhere where its configuration names them.
 
     Raises:

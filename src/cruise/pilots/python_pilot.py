@@ -15,44 +15,44 @@ from cruise.env.types import RaceState
 from cruise.errors import CruiseError
 from cruise.pilots.base import Crew, must_know
 from cruise.pilots.foreign import Commanded, ForeignPilot, explain
-from cruise.pilots.view import Lookout, Sight, View, gates_of, look
+from cruise.pilots.view import Snapshot, View, ViewBuilder, gates_of, take_snapshot
 
 LEAST_LIMIT = 1e-3  # a pilot is not cut off sooner than this, because the clock has to be set [s]
 
 
-def seat(env: RaceEnv, groups: tuple[Crew, ...]) -> tuple[tuple[Crew, ...], "Cockpits"]:
-    """The crews with a stand-in for every pilot in plain Python, and the cockpits where those sit."""
-    seats = {i: Cockpit(env, crew) for i, crew in enumerate(groups) if isinstance(crew.pilot, ForeignPilot)}
-    inside = tuple(crew if i not in seats else seats[i].stand_in for i, crew in enumerate(groups))
-    return inside, Cockpits(env, seats)
+def separate_python_pilots(env: RaceEnv, groups: tuple[Crew, ...]) -> tuple[tuple[Crew, ...], "PythonPilots"]:
+    """The crews, with a stand-in for every pilot in plain Python in the compiled program, and those pilots."""
+    python = {i: PythonPilot(env, crew) for i, crew in enumerate(groups) if isinstance(crew.pilot, ForeignPilot)}
+    compiled = tuple(crew if i not in python else python[i].stand_in for i, crew in enumerate(groups))
+    return compiled, PythonPilots(env, python)
 
 
-class Cockpits:
+class PythonPilots:
     """All pilots in plain Python of a race, or of a batch of races. True if there are any."""
 
-    def __init__(self, env: RaceEnv, seats: "dict[int, Cockpit]") -> None:
-        """`seats` by the place of their crews."""
-        self.env, self.seats = env, seats
-        self._kinds = tuple(sorted({s.pilot.observation for s in seats.values() if s.pilot.observation is not None}))
+    def __init__(self, env: RaceEnv, pilots: "dict[int, PythonPilot]") -> None:
+        """`pilots` by the place of their crews."""
+        self.env, self.pilots = env, pilots
+        self._kinds = tuple(sorted({p.pilot.observation for p in pilots.values() if p.pilot.observation is not None}))
 
     def __bool__(self) -> bool:
-        return bool(self.seats)
+        return bool(self.pilots)
 
-    def ask(self, state: RaceState, memories: tuple) -> tuple:
-        """The crews' memories with the next action of every pilot that sits here.
+    def ask(self, measured: RaceState, memories: tuple) -> tuple:
+        """The crews' memories with the next action of every pilot here, which see the race as it was `measured`.
 
         Raises:
             CruiseError: a pilot raised an exception, took too long, or gave something that is no action.
         """
-        sight = look(self.env, state, self._kinds)
+        snapshot = take_snapshot(self.env, measured, self._kinds)
         told = list(memories)
-        for place, cockpit in self.seats.items():
-            action = cockpit.act(sight)  # [n, E, A]
+        for place, pilot in self.pilots.items():
+            action = pilot.act(snapshot)  # [n, E, A]
             told[place] = jnp.asarray(np.moveaxis(action, 2, 0).reshape(memories[place].shape))
         return tuple(told)
 
 
-class Cockpit:
+class PythonPilot:
     """One pilot in plain Python and the drones it flies."""
 
     def __init__(self, env: RaceEnv, crew: Crew) -> None:
@@ -62,20 +62,20 @@ class Cockpit:
         self.stand_in = Crew(Commanded(crew.pilot.observation), crew.drones)
         must_know(env.track, self.pilot.name)
         self._size = env.dynamics.action_size
-        self._lookout = Lookout(
+        self._views = ViewBuilder(
             gates_of(env.course), env.dynamics.control_dt, crew.pilot.agility, crew.pilot.observation
         )
         self._asked: dict[int, Callable[[View], Any]] = {}  # by row
 
-    def act(self, sight: Sight) -> np.ndarray:
+    def act(self, snapshot: Snapshot) -> np.ndarray:
         """Actions [n, E, A], 0 for drones that have left the air."""
-        views = self._lookout.views(sight, self.drones)
+        views = self._views.views(snapshot, self.drones)
         wanted = np.asarray(views.airborne)
         if self.pilot.style == "batch":
             actions = self._act_batch(views, wanted)
         else:
             actions = np.zeros((len(wanted), self._size), np.float32)
-            for row, view in self._lookout.one_by_one(views, wanted):
+            for row, view in self._views.one_by_one(views, wanted):
                 ask = self._of_row(row, view.time)
                 with self._in_time(view.drone, view.time, self.pilot.budget):
                     answer = ask(view)
