@@ -1,12 +1,14 @@
 """What the report's figures share: what is measured, colours of kinds of pilots, rows and columns of panels."""
 
+import io
 from typing import Any, NamedTuple
 
+import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
 from cruise.palette import BLACK, BLUE, GREEN, ORANGE, PINK, SKY, VERMILION
-from cruise.report.figure_style import new_figure
+from cruise.report.figure_style import new_figure, our_look
 from experiments.evidence import Evidence
 from experiments.pooling import Pooled
 from experiments.printed import TABLES
@@ -60,3 +62,11 @@ def panels(width: float, height: float, shape: tuple[int, int], **sharing: Any) 
     """A figure of so many inches with rows and columns of axes."""
     figure = new_figure(width, height)
     return figure, figure.subplots(*shape, squeeze=False, **sharing)
+
+
+def to_svg(figure: Figure) -> str:
+    """The figure as SVG text, the same for the same figure."""
+    buffer = io.StringIO()
+    with our_look(), mpl.rc_context({"svg.hashsalt": "cruise", "svg.fonttype": "path"}):
+        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
+    return buffer.getvalue()
