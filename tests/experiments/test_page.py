@@ -10,7 +10,7 @@ from experiments.evidence import Evidence, read_evidence
 from experiments.named import named
 from experiments.page import PICTURE, Block, Content, read_blocks, to_page, to_text
 from experiments.plan import Job, full_scale, make_plan
-from experiments.report import make_content, rate_tracks, warnings
+from experiments.report import make_content, rate_tracks, warnings, write_report
 from experiments.results import ResultFolder
 from tests.experiments.invented import invent
 
@@ -65,6 +65,14 @@ def test_text_that_results_contradict_is_marked(tmp_path):
     values = named(found, rate_tracks(found))
     wins = next(block for block in BLOCKS if block.text.startswith("**Who wins"))
     assert wins.filled(values).startswith("**Not so in these results (rated.first.ring is CRUISE, not VANILLA; ")
+
+
+def test_a_study_of_one_track_says_so_of_the_other(tmp_path):
+    scale = dataclasses.replace(full_scale(), races=6, tracks=("ring",))
+    page = write_report(read_evidence(ResultFolder(tmp_path / "none"), scale), tmp_path / "report").read_text()
+    assert "ring: the paper&#x27;s table" in page
+    assert "figure-eight: the paper&#x27;s table" not in page
+    assert "Not run: no part of this study." in page
 
 
 def test_results_that_are_not_there_make_a_text_unknown_not_wrong(tmp_path):
