@@ -8,6 +8,7 @@ Integrator = Literal["euler", "semi_implicit", "midpoint", "rk4"]
 Control = Literal["acceleration", "velocity", "position", "ctbr"]
 ObservationKind = Literal["extended", "paper", "body", "body-near"]
 GateShape = Literal["rectangle", "round"]
+NetworkKind = Literal["mlp", "gru"]
 SelfPlayMode = Literal["within", "after", "off"]
 OUR_SIMULATOR = "cruise"  # what moves the drones where no other is named
 
@@ -230,6 +231,8 @@ class PPOConfig:
     entropy_hold: float = 0.0  # share of the run after which the bonus falls, linearly
     entropy_end: float = 1.0  # share of the run after which there is none
     max_grad_norm: float = 0.5
+    network: NetworkKind = "mlp"  # multilayer perceptrons, or gated recurrent units with perceptrons behind them
+    memory_size: int = 64  # numbers that a recurrent network remembers
     hidden: tuple[int, ...] = (64, 64)
     initial_log_std: float = -0.5
     max_log_std: float = 0.0  # of the policy's Gaussian; the environment clips actions to [-1, 1]
@@ -294,6 +297,7 @@ class TrainConfig:
     start_from: str = ""  # name or path of a policy that learns on; none: from scratch
     against: str = ""  # name or path of a policy that flies all opponents and never changes; none: self-play
     observation: ObservationKind = "extended"
+    critic_observation: str = ""  # observation of the value network, of the true state; none: what the policy sees
     vanilla: bool = False  # train on the last stage alone, from scratch, for as many steps
     step_scale: float = 1.0  # multiplies every stage's budget
     episode_steps: int = 300  # time limit of a training episode, in control steps
