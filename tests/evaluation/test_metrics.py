@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cruise.evaluation.matches import make_match, run_races
-from cruise.evaluation.metrics import count_overtakes, crossing_times, lap_length, race_result
+from cruise.evaluation.metrics import crash_times, crossing_times, lap_length, overtakes, race_result
 from cruise.evaluation.summary import MEASURED, summarise
 from cruise.presets import TRACKS
 from cruise.racing.random_track import random_tracks
@@ -16,6 +16,7 @@ from cruise.racing.track_geometry import lap_length as track_length
 from cruise.storage.race_log import COLLISIONS, EVENT_KINDS, load_race_log
 from tests.evaluation import reference
 from tests.evaluation.pilots import TROUBLE
+from tests.storage.logs import crossing_log
 
 RACES = 10
 TRACK = TRACKS["figure-eight"]
@@ -139,7 +140,26 @@ def test_overtakes_of_a_known_race():
     nan = math.nan
     times = np.array([[1.0, 2.0, 3.0, 4.0], [1.5, 1.8, 3.5, nan], [2.0, 2.0, 2.5, nan]])
     # The second passes the first and is passed again; the third passes the second. A dead heat is no order.
-    assert count_overtakes(times) == 3
+    found = overtakes(crossing_log(times))
+    assert [(one.time, one.drone, one.other, one.crossing) for one in found] == [
+        (1.8, 1, 0, 1),
+        (2.5, 2, 1, 2),
+        (3.0, 0, 1, 2),
+    ]
+    assert [one.gate for one in found] == [(2 + one.crossing) % 3 for one in found]
+    assert race_result(crossing_log(times)).overtakes == 3
+
+
+def test_crash_times_are_those_of_the_first_collision(paths, measured):
+    for path, again in zip(paths, measured, strict=True):
+        log = load_race_log(path)
+        expected = [
+            min(
+                (time for kind, by, time, *_ in again["events"] if by == drone and kind in COLLISIONS), default=math.inf
+            )
+            for drone in range(log.num_drones)
+        ]
+        np.testing.assert_allclose(crash_times(log), expected, atol=2e-4)
 
 
 def test_crossing_times_and_lap_length(paths):

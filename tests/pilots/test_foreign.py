@@ -1,6 +1,8 @@
 """Pilots in plain Python: they fly as pilots in JAX do, see what is there, and are told clearly what is wrong."""
 
+import asyncio
 import contextlib
+import sys
 import time
 from types import SimpleNamespace
 
@@ -211,6 +213,11 @@ class FailsLater:
         return np.zeros(3)
 
 
+class Cancels:
+    def act(self, view):
+        raise asyncio.CancelledError
+
+
 class Batch:
     def __init__(self, answer):
         self.answer = answer
@@ -236,6 +243,9 @@ BAD = {
     "ragged": (lambda view: [[0.0], [1.0, 2.0]], "gave list [[0.0], [1.0, 2.0]], expected"),
     "an exception": (FailsLater, "drone 1, 0.20 s into the race: raised KeyError: 'no such\\n gate' ("),
     "where it was raised": (FailsLater, "test_foreign.py, line "),
+    "leaves": (lambda view: sys.exit(), "drone 1, 0.00 s into the race: raised SystemExit ("),
+    "leaves with a word": (lambda view: sys.exit("enough"), "raised SystemExit: enough ("),
+    "is cancelled": (Cancels, "raised CancelledError ("),
     "slow": (Sleeps, "its budget of 20 ms; give it more with --budget-ms, or make it faster"),
     "endless": (Endless, "was not done within its budget of 20 ms"),
     "too few rows": (Batch(lambda view: np.zeros((1, 3))), "gave an array of shape [1, 3], expected shape [6, 3]"),
@@ -288,6 +298,13 @@ def test_what_is_no_pilot():
         assert message in str(error.value)
     with pytest.raises(CruiseError, match="budget of a pilot must be above 0, got 0 s"):
         wrap(Sleeps, budget=0.0)
+
+    class Leaves(Sleeps):
+        def __init__(self):
+            sys.exit(3)
+
+    with pytest.raises(CruiseError, match=r"pilot 'Leaves' could not be made: SystemExit: 3 \("):
+        flown([wrap(Leaves)] * DRONES, steps=1)
     with pytest.raises(CruiseError, match=r"pilot 'NeedsMore' could not be made: TypeError: .*takes no arguments"):
         flown([wrap(NeedsMore)] * DRONES, steps=1)
 

@@ -156,7 +156,9 @@ def construct(thing: Callable[[], Any], name: str) -> Any:
     """An object of a pilot's class. Raises CruiseError where its constructor fails."""
     try:
         return thing()
-    except Exception as error:
+    except (KeyboardInterrupt, CruiseError):
+        raise
+    except BaseException as error:  # sys.exit() among them
         raise CruiseError(
             f"pilot {name!r} could not be made: {explain(error)}; its class takes no arguments"
         ) from error

@@ -116,9 +116,9 @@ class PythonPilot:
                 yield
         except Overrun:
             raise CruiseError(self._fault(drone, moment, _too_slow(budget))) from None
-        except CruiseError:
+        except (KeyboardInterrupt, CruiseError):
             raise
-        except Exception as error:
+        except BaseException as error:  # sys.exit() among them
             raise CruiseError(self._fault(drone, moment, f"raised {explain(error)}")) from error
         took = time.perf_counter() - began
         if took > budget:
