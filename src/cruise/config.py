@@ -8,6 +8,7 @@ Integrator = Literal["euler", "semi_implicit", "midpoint", "rk4"]
 Control = Literal["acceleration", "velocity", "position", "ctbr"]
 ObservationKind = Literal["extended", "paper", "body", "body-near"]
 GateShape = Literal["rectangle", "round"]
+NetworkKind = Literal["mlp", "gru"]
 SelfPlayMode = Literal["within", "after", "off"]
 OUR_SIMULATOR = "cruise"  # what moves the drones where no other is named
 
@@ -231,6 +232,8 @@ class PPOConfig:
     entropy_hold: float = 0.0  # Share of the run after which the entropy bonus begins to fall, linearly.
     entropy_end: float = 1.0  # Share of the run after which the entropy bonus is zero.
     max_grad_norm: float = 0.5  # Gradient clipping: largest global norm.
+    network: NetworkKind = "mlp"  # mlp: multilayer perceptrons; gru: recurrent, a policy with memory.
+    memory_size: int = 64  # Units of the recurrent state (gru).
     hidden: tuple[int, ...] = (64, 64)  # Units of each hidden layer.
     initial_log_std: float = -0.5  # Log standard deviation of the actions at the start.
     max_log_std: float = 0.0  # Largest log standard deviation; the environment clips actions to [-1, 1].
@@ -295,6 +298,7 @@ class TrainConfig:
     start_from: str = ""  # Policy (name or path) whose parameters training starts from; none: random ones.
     against: str = ""  # Policy (name or path) that flies all opponents, fixed: train a best response; none: self-play.
     observation: ObservationKind = "extended"  # What the policy observes.
+    critic_observation: str = ""  # What the value network observes, without sensor errors; none: as the policy.
     vanilla: bool = False  # Train on the last stage only, for as many steps as all stages.
     step_scale: float = 1.0  # Multiplies the training steps of every stage.
     episode_steps: int = 300  # Time limit of a training episode, after which it is truncated [control steps].
