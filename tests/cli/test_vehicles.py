@@ -21,7 +21,8 @@ def test_vehicles_are_listed_with_their_sources(capsys, monkeypatch):
 def test_an_unknown_vehicle_is_refused_in_one_line(command, capsys):
     assert main([*command.split(), "--vehicle", "rcer"]) == 2
     error = capsys.readouterr().err
-    assert error == "error: unknown vehicle 'rcer': did you mean 'racer'? vehicles: paper, racer, racer-5, crazyflie\n"
+    known = "built-in vehicles: paper, racer, racer-5, crazyflie; or give a TOML file's path"
+    assert error == f"error: unknown vehicle 'rcer': did you mean 'racer'? {known}\n"
 
 
 def test_the_vehicle_decides_the_defaults_of_training(capsys):

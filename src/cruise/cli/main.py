@@ -20,6 +20,7 @@ from typing import Annotated, Any, NamedTuple, Protocol, runtime_checkable
 import tyro
 
 from cruise import __version__
+from cruise.cli.vehicle_flag import vehicle_flags
 from cruise.errors import CruiseError
 
 BAD_INPUT = 2
@@ -113,7 +114,7 @@ def _parse(arguments: list[str]) -> Command:
     kinds = [_described(name, entry, arguments[1:] if name == chosen else None) for name, entry in COMMANDS.items()]
     complaint = io.StringIO()
     try:
-        with contextlib.redirect_stderr(complaint):
+        with contextlib.redirect_stderr(complaint), vehicle_flags():
             command: Command = tyro.cli(
                 functools.reduce(operator.or_, kinds),
                 prog="cruise",
