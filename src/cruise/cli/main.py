@@ -63,7 +63,7 @@ COMMANDS = {
     "sweep": Entry("cruise.cli.sweep", "Sweep", "Run many of those experiments at once, on a machine or a cluster."),
     "new-pilot": Entry("cruise.cli.new_pilot", "NewPilot", "Write a pilot in Python to start from."),
     "export": Entry("cruise.cli.export", "Export", "Write a policy as an ONNX model or a C header."),
-    "vehicles": Entry("cruise.cli.vehicles", "Vehicles", "List the vehicles."),
+    "vehicles": Entry("cruise.cli.vehicles", "Vehicles", "List, show, check and write vehicles."),
     "policies": Entry("cruise.cli.policies", "Policies", "List the shipped policies."),
 }
 

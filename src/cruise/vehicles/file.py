@@ -169,7 +169,7 @@ def to_text(vehicle: Vehicle, comments: dict[str, str] | None = None) -> str:
     cascade = vehicle.flown_by == "cascade"
     lines = ['base = "paper"  # flown by its cascade'] if cascade else []
     for table in ("", *schema.TABLES):
-        rows = [(key, _value(vehicle, key.place)) for key in schema.keys_of(table).values()]
+        rows = [(key, value_at(vehicle, key.place)) for key in schema.keys_of(table).values()]
         rows = [(key, value) for key, value in rows if value is not None]
         if not rows or (table == "cascade" and not cascade):
             continue
@@ -178,7 +178,7 @@ def to_text(vehicle: Vehicle, comments: dict[str, str] | None = None) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _value(vehicle: Vehicle, place: str) -> Any:
+def value_at(vehicle: Vehicle, place: str) -> Any:
     """What stands at a place; None where there is no such part."""
     return functools.reduce(lambda part, name: None if part is None else getattr(part, name), place.split("."), vehicle)
 
