@@ -1,13 +1,18 @@
 """What a race and a training run are made of, as plain frozen data. Knows nothing of JAX."""
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, fields
 from typing import Literal
+
+from cruise import actions
+from cruise.actions import Action, Control, YawControl
 
 Vec3 = tuple[float, float, float]
 Integrator = Literal["euler", "semi_implicit", "midpoint", "rk4"]
-Control = Literal["acceleration", "velocity", "position", "ctbr"]
+FlownBy = Literal["cascade", "rotors"]
+OWN_CONTROLS: dict[FlownBy, tuple[Control, ...]] = {"cascade": ("acceleration",), "rotors": ("ctbr", "attitude")}
 ObservationKind = Literal["extended", "paper", "body", "body-near"]
 GateShape = Literal["rectangle", "round"]
+NetworkKind = Literal["mlp", "gru"]
 SelfPlayMode = Literal["within", "after", "off"]
 OUR_SIMULATOR = "cruise"  # what moves the drones where no other is named
 
@@ -66,11 +71,20 @@ class Battery:
 
 
 @dataclass(frozen=True)
+class AttitudeLimits:
+    """What an attitude loop around the rates may be asked for; its gain is `Tracking.attitude_gain`."""
+
+    highest_tilt: float = 0.9  # roll and pitch that can be commanded, below a quarter turn [rad]
+    yaw: YawControl = "rate"  # an action says how fast to yaw, or where to
+
+
+@dataclass(frozen=True)
 class Airframe:
     """What makes a quadrotor fly by collective thrust and body rates."""
 
     rotors: Rotors
     rates: Rates = field(default_factory=Rates)
+    attitude: AttitudeLimits = field(default_factory=AttitudeLimits)
     drag: Drag = field(default_factory=Drag)
     delay: float = 0.0  # from an action to its effect; 0: none [s]
     longest_delay: float = 0.0  # that randomisation may ask for [s]
@@ -91,7 +105,7 @@ class Tracking:
 
 @dataclass(frozen=True)
 class Vehicle:
-    """A quadrotor and the loop that flies it.
+    """A quadrotor, the loop that flies it and what it is told, its `action`.
 
     The controller reads one action every `control_dt` and the body is integrated in `substeps` equal steps. Without an
     airframe it is the paper's: a cascade of PD laws whose wrench acts on the body as it is, held over the whole step.
@@ -107,12 +121,44 @@ class Vehicle:
     substeps: int = 1
     collision_distance: float = 0.25  # two drones nearer than this have collided [m]
     source: str = "CRUISE paper and its repository"
-    control: Control = "acceleration"  # what an action means
+    control: Control = "acceleration"  # what an action means; see `action`
     agility: float = 7.5  # usual scale of the action, alpha: the largest commanded acceleration or thrust [m/s^2]
     collision_aspect: float = 1.0  # height per width of the ellipsoid in which two drones collide; 1: a sphere
     flip_ends: bool = True  # rolling or pitching past 90 degrees is a crash
     tracking: Tracking = field(default_factory=Tracking)
     airframe: Airframe | None = None
+    indoors: bool = False  # full randomisation brings a draught, not a breeze
+
+    @property
+    def flown_by(self) -> FlownBy:
+        """What carries it: rotors that lag and saturate, or the paper's cascade, whose wrench acts at once."""
+        return "cascade" if self.airframe is None else "rotors"
+
+    @property
+    def told_directly(self) -> bool:
+        """Whether an action is what its own loop takes, and not a reference that is tracked around that loop."""
+        return self.control in OWN_CONTROLS[self.flown_by]
+
+    @property
+    def action(self) -> Action:
+        """What it is told at every control step, at its usual agility."""
+        tracking, airframe = self.tracking, self.airframe
+        if self.control == "velocity":
+            return actions.velocity(tracking.speed)
+        if self.control == "position":
+            return actions.position(tracking.reach)
+        if self.control == "acceleration" or airframe is None:
+            return actions.acceleration(self.agility)
+        rates = airframe.rates.highest
+        if self.control == "ctbr":
+            return actions.ctbr(self.agility, self.gravity, rates)
+        limits = airframe.attitude
+        return actions.attitude(self.agility, self.gravity, limits.highest_tilt, limits.yaw, rates[2])
+
+    @property
+    def randomisable(self) -> frozenset[str]:
+        """Fields of `Randomisation` that mean something for it: gates and sensors for all, body and air with rotors."""
+        return AROUND_THE_VEHICLE if self.airframe is None else AROUND_THE_VEHICLE | OF_BODY_AND_AIR
 
 
 @dataclass(frozen=True)
@@ -231,6 +277,8 @@ class PPOConfig:
     entropy_hold: float = 0.0  # Share of the run after which the entropy bonus begins to fall, linearly.
     entropy_end: float = 1.0  # Share of the run after which the entropy bonus is zero.
     max_grad_norm: float = 0.5  # Gradient clipping: largest global norm.
+    network: NetworkKind = "mlp"  # mlp: multilayer perceptrons; gru: recurrent, a policy with memory.
+    memory_size: int = 64  # Units of the recurrent state (gru).
     hidden: tuple[int, ...] = (64, 64)  # Units of each hidden layer.
     initial_log_std: float = -0.5  # Log standard deviation of the actions at the start.
     max_log_std: float = 0.0  # Largest log standard deviation; the environment clips actions to [-1, 1].
@@ -284,6 +332,12 @@ class Randomisation:
         return Randomisation(**{name: factor * value for name, value in asdict(self).items()})
 
 
+AROUND_THE_VEHICLE = frozenset(
+    {"gate_shift", "gate_turn", "position_error", "velocity_error", "attitude_error", "rate_error"}
+)
+OF_BODY_AND_AIR = frozenset(field.name for field in fields(Randomisation)) - AROUND_THE_VEHICLE
+
+
 @dataclass(frozen=True)
 class TrainConfig:
     """Everything a training run depends on."""
@@ -291,10 +345,11 @@ class TrainConfig:
     track: str = "ring"  # Name of a built-in track, a TOML file, or `random`.
     drones: int = 4  # Drones per race: the learner and its opponents.
     seed: int = 0  # Seed of all random numbers of the run.
-    vehicle: str = "paper"  # Name of a built-in vehicle.
+    vehicle: str | Vehicle = "paper"  # Name of a built-in vehicle, a TOML file, or a vehicle of your own.
     start_from: str = ""  # Policy (name or path) whose parameters training starts from; none: random ones.
     against: str = ""  # Policy (name or path) that flies all opponents, fixed: train a best response; none: self-play.
     observation: ObservationKind = "extended"  # What the policy observes.
+    critic_observation: str = ""  # What the value network observes, without sensor errors; none: as the policy.
     vanilla: bool = False  # Train on the last stage only, for as many steps as all stages.
     step_scale: float = 1.0  # Multiplies the training steps of every stage.
     episode_steps: int = 300  # Time limit of a training episode, after which it is truncated [control steps].

@@ -39,8 +39,9 @@ class LineUp:
     """Flies one drone: a policy as above, an exported .onnx file, one of chaser, hover, se-ibr and se-ibr-tuned, or a
     pilot of your own in Python, as FILE.py:NAME or MODULE:NAME, whose code is run. Repeat it, once per drone; fewer
     take turns."""
-    vehicle: Annotated[str | None, described("NAME")] = None
-    """What all of them fly (`cruise vehicles` lists them). By default what the pilots were made for, or paper."""
+    vehicle: Annotated[str | None, described("NAME|FILE")] = None
+    """What all of them fly: a built-in vehicle (`cruise vehicles` lists them), or path of a TOML file. By default what
+    the pilots were made for, or paper."""
     randomise: Annotated[float, described("SHARE")] = 0.0
     """Strength of the domain randomisation: 0 is off, 1 is all that a real drone may differ by, 2 the most."""
     simulator: Annotated[str, described("NAME")] = OUR_SIMULATOR

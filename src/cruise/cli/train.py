@@ -17,9 +17,9 @@ from cruise.cli.progress import make_screen
 from cruise.cli.watch import Watch
 from cruise.config import TrainConfig
 from cruise.errors import CruiseError
-from cruise.presets import MAX_RANDOMISE, REWARDS, VEHICLES, training_config, training_randomisation
+from cruise.presets import MAX_RANDOMISE, REWARDS, training_config, training_randomisation
 from cruise.racing.random_track import training_track
-from cruise.vehicles import find_vehicle
+from cruise.vehicles import find_vehicle, load_vehicle
 
 MAX_EPISODES = 1_000_000
 
@@ -52,7 +52,7 @@ class Train:
     @classmethod
     def usual(cls, flags: Sequence[str]) -> "Train":
         """The defaults, which the vehicle and the number of drones that `flags` name decide."""
-        vehicle = find_vehicle(named(flags, "vehicle") or "paper").name
+        vehicle = load_vehicle(named(flags, "vehicle") or "paper")
         drones, share = named(flags, "drones") or "", named(flags, "randomise")
         config = training_config(vehicle, int(drones) if drones.isdecimal() else TrainConfig.drones)
         if share is not None:
@@ -77,7 +77,7 @@ class Train:
             raise CruiseError(f"--episodes must be between 1 and {MAX_EPISODES}, not {self.episodes}")
         folder = self.resume or self.out or default_folder(config)
         devices = choose_devices(config.ppo.races, self.devices)
-        track, vehicle = training_track(config), VEHICLES[config.vehicle]
+        track, vehicle = training_track(config), find_vehicle(config.vehicle)
         session = Session(folder, config, track, vehicle, resume=bool(self.resume), devices=devices)
         try:
             with (
