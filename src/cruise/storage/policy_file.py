@@ -11,12 +11,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from cruise.config import ObservationKind
+from cruise.config import ObservationKind, Track
 from cruise.errors import CruiseError
 from cruise.pilots.network import ActorCritic
 from cruise.pilots.neural import NeuralPilot
 from cruise.presets import VEHICLES
-from cruise.racing.track_file import RANDOM
+from cruise.racing.track_file import RANDOM, track_faults
 from cruise.storage import policy_paths, tensors
 from cruise.storage.atomic import read_bytes, write_atomically
 from cruise.storage.config_file import from_json, to_json
@@ -24,6 +24,7 @@ from cruise.storage.policy_paths import StrPath, find_policy, stem_of, with_endi
 
 FORMAT_VERSION = 2  # 1: an extended observation in which opponents did not fade with distance
 MAX_WIDTH = 65_536  # of a layer
+STORED = np.float32  # whatever JAX computes with
 
 
 @dataclass(frozen=True)
@@ -42,6 +43,7 @@ class PolicyMeta:
     config: Any = field(default_factory=dict)  # of the run, resolved: a dataclass, read back as nested dictionaries
     results: dict[str, Any] = field(default_factory=dict)  # as `cruise evaluate --json` measured it
     steps_before: int = 0  # of the policy that this one learned on from, and of those before it
+    layout: Track | None = None  # the track itself, where it was kept; None where every race had another one
 
     @property
     def all_steps(self) -> int:
@@ -96,7 +98,7 @@ def save_policy(path: StrPath, params: ActorCritic, meta: PolicyMeta) -> Path:
     """
     stem = stem_of(Path(path))
     where = f"policy {stem}"
-    arrays = {name: np.asarray(leaf) for name, leaf in _named(params).items()}
+    arrays = {name: np.asarray(leaf, STORED) for name, leaf in _named(params).items()}
     network = _shape_of(params)
     _check_meta(meta, network, where)
     _check_params(arrays, network, where)
@@ -192,7 +194,8 @@ def _asked(track: str, drones: int, vehicle: str) -> str:
 def _template(network: NetworkShape) -> ActorCritic:
     """The networks as shapes."""
     sizes = (network.observation_size, network.action_size, network.hidden)
-    return eqx.filter_eval_shape(ActorCritic, *sizes, 0.0, jax.random.key(0))
+    shapes = eqx.filter_eval_shape(ActorCritic, *sizes, 0.0, jax.random.key(0))
+    return jax.tree.map(lambda leaf: jax.ShapeDtypeStruct(leaf.shape, STORED), shapes)
 
 
 def _shape_of(params: ActorCritic) -> NetworkShape:
@@ -215,6 +218,8 @@ def _check_meta(meta: PolicyMeta, network: NetworkShape, where: str) -> None:
             raise CruiseError(f"{where}: {name} must be from 1 to {MAX_WIDTH}, got {size}")
     if not 0 < meta.agility < np.inf:
         raise CruiseError(f"{where}: agility must be above 0 and finite, got {meta.agility}")
+    if meta.layout is not None and (faults := track_faults(meta.layout)):
+        raise CruiseError(f"{where}: layout: {faults[0]}")
     if meta.vehicle not in VEHICLES:
         raise CruiseError(f"{where}: unknown vehicle {meta.vehicle!r}; vehicles: {', '.join(VEHICLES)}")
 
