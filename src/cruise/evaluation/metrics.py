@@ -57,6 +57,7 @@ class RaceResult:
     collisions: dict[str, int]  # by kind; two drones that hit each other are one collision
     overtakes: int
     ranking: tuple[int, ...]  # drones, best first
+    lap_length: float  # of the closed polygon through the gates as they stood [m]
 
     @property
     def winner(self) -> int:
@@ -78,7 +79,7 @@ class Overtake(NamedTuple):
 def race_result(log: RaceLog) -> RaceResult:
     """All results of a race."""
     drones = tuple(_drone_result(log, drone) for drone in range(log.num_drones))
-    return RaceResult(drones, count_collisions(log), len(overtakes(log)), _ranking(drones))
+    return RaceResult(drones, count_collisions(log), len(overtakes(log)), _ranking(drones), lap_length(log))
 
 
 def events_of(log: RaceLog, kind: EventKind, drone: int) -> np.ndarray:

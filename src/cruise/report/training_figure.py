@@ -25,7 +25,7 @@ COLOURS = (BLUE, VERMILION)
 
 @our_look()
 def draw_training(rows: Sequence[dict[str, Any]], title: str, path: Path) -> None:
-    """Write a picture of a run's metrics (`cruise.training.session.read_metrics`), stages shaded, to `path`."""
+    """Write a picture of a run's metrics (`cruise.training.metrics_log.read_metrics`), stages shaded, to `path`."""
     figure = Figure(figsize=(12, 7), layout="constrained")
     figure.suptitle(title)
     for axes, (key, name, unit) in zip(figure.subplots(2, 3, sharex=True).flat, PANELS, strict=True):
