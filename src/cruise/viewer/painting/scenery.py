@@ -38,9 +38,17 @@ def track_scenery(track: Track) -> Scenery:
 
 def log_scenery(log: RaceLog) -> Scenery:
     """Of the track that a race was flown on."""
-    rows = zip(log.gate_position.tolist(), log.gate_yaw.tolist(), log.gate_size.tolist(), strict=True)
-    gates = tuple(Gate((x, y, z), yaw, width, height) for (x, y, z), yaw, (width, height) in rows)
-    return Scenery(gates, log.frame_width, ())
+    place = (log.gate_position, log.gate_yaw, log.gate_size, log.gate_roll, log.gate_pitch, log.gate_shape)
+    gates = tuple(
+        Gate((x, y, z), yaw, width, height, roll, pitch, shape)
+        for (x, y, z), yaw, (width, height), roll, pitch, shape in zip(*(c.tolist() for c in place), strict=True)
+    )
+    solid = (log.solid_kind, log.solid_shape, log.solid_position, log.solid_size, log.solid_yaw)
+    solids = (
+        Outline(kind, shape, tuple(centre), tuple(size), yaw)
+        for kind, shape, centre, size, yaw in zip(*(c.tolist() for c in solid), strict=True)
+    )
+    return Scenery(gates, log.frame_width, tuple(solids))
 
 
 def opening(gate: Gate, beyond: float = 0.0) -> np.ndarray:
