@@ -97,7 +97,7 @@ def find_limit(track: Track, vehicle: Vehicle, options: Options | None = None) -
     """
     options = options or Options()
     _check(track, vehicle, options)
-    return _stepped(track, vehicle, options) if vehicle.airframe is None else _smooth(track, vehicle, options)
+    return _stepped(track, vehicle, options) if vehicle.flown_by == "cascade" else _smooth(track, vehicle, options)
 
 
 def _smooth(track: Track, vehicle: Vehicle, options: Options) -> Limit:
@@ -132,11 +132,11 @@ def _check(track: Track, vehicle: Vehicle, options: Options) -> None:
         raise CruiseError(f"margin must be from 0 to less than {widest:g} m, half the smallest opening, not {margin}")
     if not 0 <= options.standing_laps <= MAX_LAPS:
         raise CruiseError(f"laps from standing must be from 1 to {MAX_LAPS}, not {options.standing_laps}")
-    if vehicle.airframe is None and steps is not None:
+    if vehicle.flown_by == "cascade" and steps is not None:
         raise CruiseError(f"steps are not to be chosen for {vehicle.name!r}: its own are {vehicle.control_dt:g} s long")
-    if vehicle.airframe is None and (vehicle.integrator, vehicle.substeps) != ("euler", 1):
+    if vehicle.flown_by == "cascade" and (vehicle.integrator, vehicle.substeps) != ("euler", 1):
         raise CruiseError(f"the limit of {vehicle.name!r} is known only with single steps of the explicit Euler method")
-    if vehicle.airframe is not None and change is not None:
+    if vehicle.flown_by == "rotors" and change is not None:
         raise CruiseError(f"the largest change of an action says nothing of {vehicle.name!r}, which has no steps")
     if not 5 <= (steps or STEPS) <= 200:
         raise CruiseError(f"steps must be from 5 to 200, not {steps}")
