@@ -7,10 +7,11 @@ import numpy as np
 
 from cruise import geometry
 from cruise.config import Gate, Track
+from cruise.racing.shapes import ROUND, opening
 from cruise.racing.solids import Outline, outlines
+from cruise.storage.log_track import gates_of, solids_of
 from cruise.storage.race_log import RaceLog
 
-ROUND = 32  # corners of what is round
 PATCH = 1.0  # large faces are cut into pieces of about this size, each of which has one depth [m]
 SPARE = 0.9  # that a view leaves above gates [m]
 TALLEST = 2.5  # solids are looked for no higher than this above the highest gate [m]
@@ -38,33 +39,7 @@ def track_scenery(track: Track) -> Scenery:
 
 def log_scenery(log: RaceLog) -> Scenery:
     """Of the track that a race was flown on."""
-    place = (log.gate_position, log.gate_yaw, log.gate_size, log.gate_roll, log.gate_pitch, log.gate_shape)
-    gates = tuple(
-        Gate((x, y, z), yaw, width, height, roll, pitch, shape)
-        for (x, y, z), yaw, (width, height), roll, pitch, shape in zip(*(c.tolist() for c in place), strict=True)
-    )
-    solid = (log.solid_kind, log.solid_shape, log.solid_position, log.solid_size, log.solid_yaw)
-    solids = (
-        Outline(kind, shape, tuple(centre), tuple(size), yaw)
-        for kind, shape, centre, size, yaw in zip(*(c.tolist() for c in solid), strict=True)
-    )
-    return Scenery(gates, log.frame_width, tuple(solids))
-
-
-def opening(gate: Gate, beyond: float = 0.0) -> np.ndarray:
-    """The rim of an opening, or of its frame `beyond` [m] it, counter-clockwise as seen in flight [P, 3]."""
-    half_width, half_height = gate.width / 2 + beyond, gate.height / 2 + beyond
-    if gate.shape == "round":
-        angle = 2 * np.pi * np.arange(ROUND) / ROUND
-        left, up = half_width * np.cos(angle), half_width * np.sin(angle)
-    else:
-        left, up = (
-            side * np.array(signs) for side, signs in ((half_width, (1, 1, -1, -1)), (half_height, (-1, 1, 1, -1)))
-        )
-    offset = geometry.from_gate(
-        geometry.heading_of(gate.yaw), (np.zeros_like(left), left, up), geometry.tilt_of(gate.roll, gate.pitch)
-    )
-    return np.array(gate.position_w) + np.stack(offset, axis=1)
+    return Scenery(gates_of(log), log.frame_width, solids_of(log))
 
 
 def beams(gate: Gate, inner: float, outer: float) -> Iterator[np.ndarray]:
