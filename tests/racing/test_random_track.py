@@ -189,3 +189,4 @@ def test_tilt_and_obstacles(seed):
 
 def test_gates_are_those_of_the_track_without_obstacles():
     assert random_track(2, obstacles=5).gates == random_track(2).gates
+    assert random_track(2, obstacles=5, tilt=0.3).gates == random_track(2, tilt=0.3).gates
