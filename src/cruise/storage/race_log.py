@@ -66,7 +66,7 @@ class RaceLog:
     version: int = FORMAT_VERSION
 
     def __post_init__(self) -> None:
-        """Where nothing is said of tilt, shapes and solids, all gates are upright rectangles and nothing else stands."""
+        """Where nothing is said of tilt, shapes and solids, gates are upright rectangles and nothing else stands."""
         given = {name: getattr(self, name) for name in (*_SINCE, "gate_yaw")}
         for name, value in given.items():
             if value is None:

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cruise.evaluation.metrics import RaceResult, crash_times, crossing_times, overtakes, race_result
+from cruise.racing.events import COLLISION_KINDS
 from cruise.storage.race_log import EventKind, RaceLog
 
 NAN = float("nan")
@@ -68,12 +69,7 @@ def _distance_to_first_gate(log: RaceLog, drone: int, t: float) -> float:
     return float(np.linalg.norm(log.position_w[sample, drone] - log.gate_position[log.next_gate[0, 0]]))
 
 
-CRASHES = {
-    EventKind.COLLISION_GROUND: "hits the ground",
-    EventKind.COLLISION_GATE_FRAME: "hits a gate",
-    EventKind.COLLISION_BOUNDS: "leaves the track",
-    EventKind.COLLISION_FLIP: "flips over",
-}
+CRASHES = {kind: kind.said for kind in COLLISION_KINDS if kind != EventKind.COLLISION_DRONE}
 
 
 def commentary(course: Course) -> list[tuple[float, str]]:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from PIL import Image, ImageDraw
 
-from cruise.storage.race_log import RaceLog
+from cruise.storage.race_log import EventKind, RaceLog
 from cruise.viewer.film import look
 from cruise.viewer.film.camera import Camera
 from cruise.viewer.film.flights import Flight, make_flight
@@ -117,7 +117,7 @@ def _gates(scene: Scene, t: float, order: list[Standing]) -> Iterator[tuple[floa
 
 def _glow(log: RaceLog, gate: int, t: float, colour: Colour) -> Colour:
     """The colour of a gate's strip: for a moment that of the last drone that flew through."""
-    through = np.flatnonzero((log.event_kind == 0) & (log.event_gate == gate) & (log.event_time <= t))
+    through = np.flatnonzero((log.event_kind == EventKind.CROSSING) & (log.event_gate == gate) & (log.event_time <= t))
     if len(through) == 0:
         return colour
     since = (t - float(log.event_time[through[-1]])) / GLOW
