@@ -20,7 +20,7 @@ from tests.evaluation.pilots import TROUBLE
 from tests.storage.logs import crossing_log
 
 RACES = 10
-WALLS = (Wall((-8.0, -3.0, 0.5), (0.6, 0.6, 1.5)), Wall((-8.5, -3.2, 0.5), (0.6, 0.6, 1.5), yaw=0.5))
+WALLS = (Wall((-9.0, -3.5, 0.5), (0.3, 0.3, 0.6)), Wall((-8.5, -3.2, 0.5), (0.6, 0.6, 1.5), yaw=0.5))
 OBSTACLES = (Pole((3.0, 7.0, 0.0), 4.0, 0.3), *WALLS)  # beside the line
 TRACK = dataclasses.replace(TRACKS["figure-eight"], obstacles=OBSTACLES)
 
