@@ -10,6 +10,8 @@ from PIL import Image, ImageDraw
 
 from cruise.adapters.options import Setup
 from cruise.env.types import RaceState
+from cruise.racing.shapes import footprint
+from cruise.racing.solids import outlines
 from cruise.viewer.painting import look
 from cruise.viewer.painting.scene import Drone, Scene, make_scene, paint_scene
 from cruise.viewer.painting.scenery import track_scenery
@@ -157,7 +159,7 @@ def status(setup: Setup, frame: Frame) -> list[str]:
 
 
 def ansi(setup: Setup, frame: Frame) -> str:
-    """The race from above, in characters: gates by letter, drones by number; then a line for every drone."""
+    """The race from above, in characters: gates by letter, drones by number, solids as #; then a line per drone."""
     gates = np.array([gate.position_w for gate in setup.track.gates])
     points = np.concatenate([gates, frame.position_w])[:, :2]
     low = np.minimum(points.min(axis=0), gates[:, :2].min(axis=0)) - 2.0
@@ -168,6 +170,10 @@ def ansi(setup: Setup, frame: Frame) -> str:
         column, row = ((place[:2] - low) / span * (COLUMNS - 1, ROWS - 1)).round().astype(int)
         grid[ROWS - 1 - row][column] = sign
 
+    for solid in outlines(setup.track.obstacles):
+        for place in (np.array(solid.centre_w), *footprint(solid)):
+            if (np.abs(place[:2] - low - span / 2) <= span / 2).all():
+                put(place, "#")
     for number, gate in enumerate(gates):
         put(gate, chr(ord("A") + number % 26))
     for drone in range(len(frame.position_w)):
