@@ -18,7 +18,7 @@ from cruise.viewer.painting.scenery import track_scenery
 
 TRAIL = 25  # control steps that a drone's trail goes back
 SIZE = (640, 480)  # of pictures [px]
-TEXT, ROW, EDGE = 12, 16, 10  # of what is written [px]
+TEXT, ROW, EDGE, CHIP = 12, 16, 10, 9  # of what is written [px]
 MOST_ROWS = 8
 COLUMNS, ROWS = 64, 22  # of the map in text
 
@@ -108,7 +108,9 @@ def _write(picture: Image.Image, title: str, lines: list[str]) -> None:
     draw = ImageDraw.Draw(picture)
     draw.text((EDGE, EDGE), title, look.INK, look.font(TEXT, bold=True))
     for row, line in enumerate(lines, start=1):
-        draw.text((EDGE, EDGE + ROW * row), line, look.colour_of(row - 1), look.font(TEXT))
+        top = EDGE + ROW * row
+        draw.rectangle((EDGE, top + 2, EDGE + CHIP, top + 2 + CHIP), fill=look.colour_of(row - 1))
+        draw.text((EDGE + 2 * CHIP, top), line, look.INK, look.font(TEXT))
 
 
 def _fate(frame: Frame, drone: int) -> str:
