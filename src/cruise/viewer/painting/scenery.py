@@ -13,6 +13,7 @@ from cruise.storage.log_track import gates_of, solids_of
 from cruise.storage.race_log import RaceLog
 
 PATCH = 1.0  # large faces are cut into pieces of about this size, each of which has one depth [m]
+MOST_CUTS = 40  # of a face along one side
 SPARE = 0.9  # that a view leaves above gates [m]
 TALLEST = 2.5  # solids are looked for no higher than this above the highest gate [m]
 
@@ -93,7 +94,7 @@ def _cylinder(solid: Outline) -> Iterator[Patch]:
 
 
 def _cuts(half: float) -> list[tuple[float, float]]:
-    ends = np.linspace(-half, half, max(1, round(2 * half / PATCH)) + 1)
+    ends = np.linspace(-half, half, min(max(1, round(2 * half / PATCH)), MOST_CUTS) + 1)
     return list(zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True))
 
 
