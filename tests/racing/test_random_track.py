@@ -190,3 +190,17 @@ def test_tilt_and_obstacles(seed):
 def test_gates_are_those_of_the_track_without_obstacles():
     assert random_track(2, obstacles=5).gates == random_track(2).gates
     assert random_track(2, obstacles=5, tilt=0.3).gates == random_track(2, tilt=0.3).gates
+
+
+def test_where_drones_wait_nothing_stands():
+    """Three rows of four behind any gate, and none of them within half a metre of a solid."""
+    track = random_track(4, 8, 0.5, obstacles=10)
+    for gate in track.gates:
+        forward = np.array([math.cos(gate.yaw), math.sin(gate.yaw), 0.0])
+        left = np.array([-forward[1], forward[0], 0.0])
+        grid = [
+            gate.position_w - back * forward + side * left
+            for back in (2.0, 3.5, 5.0)
+            for side in (-1.9, -0.6, 0.6, 1.9)
+        ]
+        assert min(distance(solid, np.array(grid)).min() for solid in track.obstacles) > 0.5
