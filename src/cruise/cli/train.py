@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import tyro
-from rich.console import Console
 from tyro.constructors import PrimitiveConstructorSpec
 
 from cruise.cli.compilation import prepare_training
+from cruise.cli.console import make_console
 from cruise.cli.line_up import described
 from cruise.cli.progress import make_screen
 from cruise.cli.watch import Watch
@@ -103,7 +103,7 @@ class Train:
         try:
             with (
                 self.watch.training(session) as offer,
-                make_screen(Console(quiet=not is_first()), config, session.trainer.total_steps) as screen,
+                make_screen(make_console(quiet=not is_first()), config, session.trainer.total_steps) as screen,
             ):
                 for progress in session:
                     screen.show(progress)
