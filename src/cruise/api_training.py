@@ -8,7 +8,8 @@ from cruise.config import TrainConfig
 from cruise.evaluation.matches import evaluate_policy
 from cruise.pilots.neural import NeuralPilot
 from cruise.processor import use_wide_vectors
-from cruise.racing.random_track import training_track
+from cruise.racing.random_track import training_track, unseen_tracks
+from cruise.racing.track_file import RANDOM
 from cruise.report.training_figure import draw_training
 from cruise.storage.policy_file import load_policy
 from cruise.training.devices import use_cores
@@ -55,7 +56,8 @@ def train(
 
 def finish_run(session: Session, episodes: int) -> Path:
     """Measure the policy of a run that has ended, write it with its results, draw the curves; give its path."""
-    path = session.finish(lambda policy: evaluate_policy(policy, session.track, episodes))
+    track = unseen_tracks() if session.config.track == RANDOM else session.track  # never those it was trained on
+    path = session.finish(lambda policy: evaluate_policy(policy, track, episodes))
     title = f"{session.track.name}, {session.config.drones} drones, seed {session.config.seed}"
     draw_training(read_metrics(session.folder), title, session.folder / CURVES)
     return path

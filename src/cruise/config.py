@@ -232,96 +232,97 @@ class Stage:
 class RewardWeights:
     """Weights of the reward's components that do not change with the stage.
 
-    The first eight are the paper's; the others are zero there. `docs/reward.md` justifies the default.
+    `--reward-preset paper` has the printed values; `w_edge` and `w_near`, which the paper does not have, are 0 there.
+    `docs/reward.md` has the equations and why the default differs.
     """
 
-    w_prox: float = 0.0
-    proximity_decay: float = 2.0  # a
-    proximity_range: float = 10.0  # x = distance / range [m]
-    w_prog: float = 0.45
-    progress_scale: float = 2.5  # beta [1/m]
-    progress_to: Literal["opening", "centre"] = "opening"  # where the distance of prox and prog ends
-    pay_up_to_v_min: bool = False  # progress faster than the stage's v_min earns no more than at v_min
-    w_align: float = 0.02
-    w_speed: float = 0.05
-    speed_zero_at: Literal["rest", "v_min"] = "rest"  # at this speed its component is zero, at v_min the highest
-    overtake_sign: Literal["fixed", "paper"] = "fixed"
-    overtake_range: float = 3.0  # overtaking counts against opponents nearer than this [m]
-    gate_bonus: float = 10.0  # reward of the step that passes a gate, in place of the terms of flight
-    w_edge: float = 40.0  # per metre that a crossing lies outside the opening shrunk by `edge_margin`
-    edge_margin: float = 0.2  # [m]
-    w_near: float = 0.5  # per metre that the nearest opponent is closer than `near_distance`
-    near_distance: float = 1.2  # [m]
-    clip: float = 1.0  # each step's sum is clipped to [-clip, clip], a gate's bonus to what it is
-    terminal: float = -10.0  # reward of the step that ends an episode, outside the clip
+    w_prox: float = 0.0  # weight of the proximity term `prox`
+    proximity_decay: float = 2.0  # exponent a of the proximity term
+    proximity_range: float = 10.0  # distances are divided by this in the proximity term [m]
+    w_prog: float = 0.45  # weight of the progress term `prog`
+    progress_scale: float = 2.5  # beta: progress per metre nearer to the gate [1/m]
+    progress_to: Literal["opening", "centre"] = "opening"  # point of the gate that prox and prog measure to
+    pay_up_to_v_min: bool = False  # no extra reward for progress faster than the stage's v_min
+    w_align: float = 0.02  # weight of the alignment term `align`
+    w_speed: float = 0.05  # weight of the speed term `speed`
+    speed_zero_at: Literal["rest", "v_min"] = "rest"  # speed at which the speed term is zero; it is highest at v_min
+    overtake_sign: Literal["fixed", "paper"] = "fixed"  # `paper`: the printed sign, which rewards being overtaken
+    overtake_range: float = 3.0  # only opponents nearer than this count as overtaken [m]
+    gate_bonus: float = 10.0  # reward of a step that passes a gate; replaces the flight terms
+    w_edge: float = 40.0  # penalty per metre that a crossing is nearer to the frame than `edge_margin`
+    edge_margin: float = 0.2  # distance from the frame that costs nothing [m]
+    w_near: float = 0.5  # penalty per metre that the nearest opponent is closer than `near_distance`
+    near_distance: float = 1.2  # distance from an opponent that costs nothing [m]
+    clip: float = 1.0  # limit of each step's sum, on both sides; a gate's bonus is limited to its own size
+    terminal: float = -10.0  # reward of a step that ends in a crash; not clipped
 
 
 @dataclass(frozen=True)
 class PPOConfig:
-    """Proximal policy optimisation."""
+    """Hyperparameters of proximal policy optimisation (PPO)."""
 
-    races: int = 512  # E, simulated in parallel
-    rollout_steps: int = 64  # T, per update
-    epochs: int = 4
-    minibatches: int = 16
-    learning_rate: float = 1e-3
-    final_learning_rate: float = 1e-4  # reached linearly at the end of the run
-    gamma: float = 0.99
-    gae_lambda: float = 0.98
-    after_crash: Literal["restart", "nothing"] = "restart"  # the future that a crash leaves to the value function
-    clip_ratio: float = 0.2
-    value_weight: float = 0.5
-    entropy_weight: float = 0.005  # of the entropy bonus, until `entropy_hold`
-    entropy_hold: float = 0.0  # share of the run after which the bonus falls, linearly
-    entropy_end: float = 1.0  # share of the run after which there is none
-    max_grad_norm: float = 0.5
-    hidden: tuple[int, ...] = (64, 64)
-    initial_log_std: float = -0.5
-    max_log_std: float = 0.0  # of the policy's Gaussian; the environment clips actions to [-1, 1]
-    caution_distance: float = 5.0  # an opponent nearer than this narrows the noise in proportion; 0: none does [m]
-    least_noise: float = 0.1  # share of the noise that caution leaves
-    company_distance: float = 0.0  # advantages with an opponent nearer than this stand apart; 0: none do [m]
+    races: int = 512  # E, number of parallel environments (races)
+    rollout_steps: int = 64  # T, steps per environment and update
+    epochs: int = 4  # passes over each rollout
+    minibatches: int = 16  # minibatches per epoch
+    learning_rate: float = 1e-3  # Adam's learning rate at the start
+    final_learning_rate: float = 1e-4  # learning rate at the end; it falls linearly
+    gamma: float = 0.99  # discount factor per step
+    gae_lambda: float = 0.98  # lambda of generalised advantage estimation (GAE)
+    after_crash: Literal["restart", "nothing"] = "restart"  # value after a crash: of the restart, or 0
+    clip_ratio: float = 0.2  # clip range of the probability ratio
+    value_weight: float = 0.5  # weight of the value loss
+    entropy_weight: float = 0.005  # weight of the entropy bonus at the start
+    entropy_hold: float = 0.0  # share of the run after which the entropy bonus begins to fall, linearly
+    entropy_end: float = 1.0  # share of the run after which the entropy bonus is zero
+    max_grad_norm: float = 0.5  # gradient clipping: largest global norm
+    hidden: tuple[int, ...] = (64, 64)  # units of each hidden layer
+    initial_log_std: float = -0.5  # log standard deviation of the actions at the start
+    max_log_std: float = 0.0  # largest log standard deviation; the environment clips actions to [-1, 1]
+    caution_distance: float = 5.0  # exploration noise shrinks with an opponent nearer than this; 0: never [m]
+    least_noise: float = 0.1  # smallest factor by which an opponent nearby scales the exploration noise
+    company_distance: float = 0.0  # steps with an opponent nearer get advantages normalised apart; 0: none [m]
 
 
 @dataclass(frozen=True)
 class SelfPlayConfig:
     """Iterative self-play (Algorithm 1)."""
 
-    self_play: SelfPlayMode = "within"  # every stage, after the curriculum flown alone, or never
-    evaluate_every: int = 500_000  # T_eval, environment steps
-    win_threshold: float = 0.6  # tau
-    patience: int = 2  # evaluations short of tau after which opponents are replaced all the same; 0: never
-    sparring_share: float = 0.1  # of the opponents in training that chase gates by hand, at many speeds; 0: none
-    league: int = 0  # places for past policies, which fly the opponents of half the races; 0: the newest fly all
-    founders: tuple[str, ...] = ()  # names or paths of policies that hold a place in the league from the start
-    vary_field: bool = False  # a race in training has 1 to N drones, each number as often
-    evaluation_races: int = 100  # n_eval
-    evaluation_steps: int = 300  # length of an evaluation episode, in control steps
+    self_play: SelfPlayMode = "within"  # self-play in every stage, only after the curriculum, or never
+    evaluate_every: int = 500_000  # T_eval, environment steps between evaluations
+    win_threshold: float = 0.6  # tau, win rate at which the policy replaces its opponents
+    patience: int = 2  # failed evaluations after which it replaces them all the same; 0: never
+    sparring_share: float = 0.1  # share of training opponents that are scripted pilots of many speeds
+    league: int = 0  # number of past policies kept as opponents, in half of the races; 0: only the latest
+    founders: tuple[str, ...] = ()  # policies (names or paths) that stay in the league from start to end
+    vary_field: bool = False  # train in races of 1 to N drones, uniformly drawn, in place of N
+    evaluation_races: int = 100  # n_eval, races per evaluation
+    evaluation_steps: int = 300  # time limit of an evaluation race [control steps]
 
 
 @dataclass(frozen=True)
 class Randomisation:
-    """How far a race may be from what vehicle and track say, drawn anew for every race; 0 changes nothing.
+    """Domain randomisation: how far vehicle, air, gates and sensors may be from nominal, drawn for every race; 0: off.
 
-    A spread is the largest relative deviation, drawn evenly from both sides. An error is the standard deviation of what
-    a sensor is wrong by for a whole race; half as much white noise comes on top of it at every control step.
+    A spread s scales by U(1 - s, 1 + s). A sensor error is a normal bias of that standard deviation for the whole race,
+    plus white noise of half of it at every control step.
     """
 
-    mass_spread: float = 0.0
-    inertia_spread: float = 0.0
-    thrust_spread: float = 0.0  # of what the rotors give
-    drag_spread: float = 0.0
-    lag_spread: float = 0.0  # of the time constants of rotors and of the rate loop
-    clip_share: float = 0.0  # most of a demand's cut to the rotors' limits that is made rotor by rotor, not by priority
-    extra_delay: float = 0.0  # longest, beyond the vehicle's own, from an action to its effect [s]
-    wind_speed: float = 0.0  # strongest, steady and level, from anywhere [m/s]
-    gust_speed: float = 0.0  # root mean square along every axis [m/s]
-    gate_shift: float = 0.0  # farthest along every axis [m]
-    gate_turn: float = 0.0  # largest, about the vertical [rad]
-    position_error: float = 0.0  # along every axis [m]
-    velocity_error: float = 0.0  # along every axis [m/s]
-    attitude_error: float = 0.0  # about every axis [rad]
-    rate_error: float = 0.0  # about every axis [rad/s]
+    mass_spread: float = 0.0  # largest relative error of the mass
+    inertia_spread: float = 0.0  # largest relative error of each moment of inertia
+    thrust_spread: float = 0.0  # largest relative error of the rotors' thrust and torque
+    drag_spread: float = 0.0  # largest relative error of the drag coefficients
+    lag_spread: float = 0.0  # largest relative error of the time constants of rotors and rate loop
+    clip_share: float = 0.0  # largest share of a saturated command that is clipped per rotor, not by priority
+    extra_delay: float = 0.0  # largest extra action delay [s]
+    wind_speed: float = 0.0  # largest speed of a steady horizontal wind [m/s]
+    gust_speed: float = 0.0  # root mean square of the turbulence, per axis [m/s]
+    gate_shift: float = 0.0  # largest displacement of a gate, per axis [m]
+    gate_turn: float = 0.0  # largest rotation of a gate about the vertical [rad]
+    position_error: float = 0.0  # standard deviation of the position estimate, per axis [m]
+    velocity_error: float = 0.0  # standard deviation of the velocity estimate, per axis [m/s]
+    attitude_error: float = 0.0  # standard deviation of the attitude estimate, per axis [rad]
+    rate_error: float = 0.0  # standard deviation of the angular velocity estimate, per axis [rad/s]
 
     def scaled(self, factor: float) -> "Randomisation":
         """All of it so many times as strong."""
@@ -338,21 +339,21 @@ OF_BODY_AND_AIR = frozenset(field.name for field in fields(Randomisation)) - ARO
 class TrainConfig:
     """Everything a training run depends on."""
 
-    track: str = "ring"  # name of a built-in track, path of a TOML file, or `random`
-    drones: int = 4
-    seed: int = 0
-    vehicle: str | Vehicle = "paper"  # name of a preset, or a vehicle of one's own
-    start_from: str = ""  # name or path of a policy that learns on; none: from scratch
-    against: str = ""  # name or path of a policy that flies all opponents and never changes; none: self-play
-    observation: ObservationKind = "extended"
-    vanilla: bool = False  # train on the last stage alone, from scratch, for as many steps
-    step_scale: float = 1.0  # multiplies every stage's budget
-    episode_steps: int = 300  # time limit of a training episode, in control steps
-    collision_distance: float = 0.4  # two drones nearer than this collide while training [m]
-    checkpoint_seconds: float = 30.0
+    track: str = "ring"  # name of a built-in track, a TOML file, or `random`
+    drones: int = 4  # drones per race: the learner and its opponents
+    seed: int = 0  # of every random number of the run
+    vehicle: str | Vehicle = "paper"  # built-in vehicle, or one of your own from a TOML file
+    start_from: str = ""  # policy (name or path) whose parameters training starts from; none: random ones
+    against: str = ""  # policy (name or path) that flies all opponents, fixed: train a best response; none: self-play
+    observation: ObservationKind = "extended"  # what the policy observes
+    vanilla: bool = False  # train on the last stage only, for as many steps as all stages
+    step_scale: float = 1.0  # multiplies the training steps of every stage
+    episode_steps: int = 300  # time limit of a training episode, after which it is truncated [control steps]
+    collision_distance: float = 0.4  # distance at which two drones collide in training [m]
+    checkpoint_seconds: float = 30.0  # time between checkpoints [s]
     reward: RewardWeights = field(default_factory=RewardWeights)
     ppo: PPOConfig = field(default_factory=PPOConfig)
     opponents: SelfPlayConfig = field(default_factory=SelfPlayConfig)
     randomisation: Randomisation = field(default_factory=Randomisation)
-    milder_share: float = 0.0  # of the races in training that differ by less than that, by any part of it as often
-    nominal_share: float = 0.0  # of the races in training that do not differ at all
+    milder_share: float = 0.0  # share of randomised training races whose randomisation is scaled by U(0, 1)
+    nominal_share: float = 0.0  # share of training races without randomisation

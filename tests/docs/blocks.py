@@ -31,7 +31,7 @@ MINIATURE = {
 AS_IT_IS = ({"reproduce", "--report-only"}, {"limit", "paper"})  # take seconds, and no flag makes them shorter
 WATCHED = "--watch"  # serves until somebody stops it: tests/viewer/test_live.py does
 WITH_OTHERS = "--coordinator"  # waits for the other processes: tests/training/test_processes.py has them
-SWEEP = "sweep"  # starts Ray: tests/reproduction/test_sweep.py does
+SWEEP = "sweep"  # starts Ray: tests/experiments/test_sweep.py does
 
 
 class Block(NamedTuple):

@@ -59,8 +59,8 @@ COMMANDS = {
     "tune-planner": Entry(
         "cruise.cli.tune_planner", "TunePlanner", "Find how fast the SE-IBR planner can fly a track."
     ),
-    "reproduce": Entry("cruise.cli.reproduce", "Reproduce", "Run the paper's experiments again and write a report."),
-    "sweep": Entry("cruise.cli.sweep", "Sweep", "Run many of those experiments at once, on a machine or a cluster."),
+    "reproduce": Entry("cruise.cli.experiments", "Reproduce", "Run the paper's experiments again and write a report."),
+    "sweep": Entry("cruise.cli.experiments", "Sweep", "Run many of those experiments at once, here or on a cluster."),
     "new-pilot": Entry("cruise.cli.new_pilot", "NewPilot", "Write a pilot in Python to start from."),
     "export": Entry("cruise.cli.export", "Export", "Write a policy as an ONNX model or a C header."),
     "vehicles": Entry("cruise.cli.vehicles", "Vehicles", "List, show, check and write vehicles."),

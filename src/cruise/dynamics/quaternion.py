@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 
 from cruise.vector import sin_cos
 
-Component = Float[Array, "*B"]
+Component = Any  # an array over whatever axes, or a number of another algebra (`cruise.dynamics.algebra`)
 Three = tuple[Component, Component, Component]
 Four = tuple[Component, Component, Component, Component]
 Vector = Any  # three components: a tuple of arrays [*B], or an array [3, *B]

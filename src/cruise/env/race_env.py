@@ -131,9 +131,10 @@ def make_race_env(
         return RaceState(drones, gate, counts, none, none, counts[0], conditions.surroundings)
 
     def reset(key: Array, batch: tuple[int, ...] = (), gate: int | None = None) -> RaceState:
-        conditions = perturb(jax.random.fold_in(key, 1), (num_drones, *batch)) if perturb else AS_SAID
+        start_key, conditions_key = jax.random.split(key)
+        conditions = perturb(conditions_key, (num_drones, *batch)) if perturb else AS_SAID
         here = _with_gates(env_course, conditions.surroundings)
-        return begin(start_grid(here, key, num_drones, batch, gate), conditions)
+        return begin(start_grid(here, start_key, num_drones, batch, gate), conditions)
 
     def step(state: RaceState, action: Float[Array, "A N *B"], rules: Rules) -> tuple[RaceState, StepOutcome]:
         airborne, course = state.airborne, _with_gates(env_course, state.surroundings)

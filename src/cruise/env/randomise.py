@@ -65,9 +65,9 @@ def perturbation(
 
 def _part(milder_share: float, nominal_share: float, key: Array, races: Shape) -> Array:
     """How much of the randomisation each race meets: all of it, any part as often, or none."""
-    chosen, how_much = jax.random.split(key)
+    chosen, how_much, spared = jax.random.split(key, 3)
     milder = jax.random.uniform(chosen, races) < milder_share
-    nominal = jax.random.uniform(jax.random.fold_in(key, 2), races) < nominal_share
+    nominal = jax.random.uniform(spared, races) < nominal_share
     return jnp.where(nominal, 0.0, jnp.where(milder, jax.random.uniform(how_much, races), 1.0))
 
 
@@ -90,7 +90,7 @@ def draw_conditions(
 def _parameters(vehicle: Vehicle, strengths: Strengths, offsets: Strengths, key: Array, shape: Shape) -> Parameters:
     if OF_BODY_AND_AIR.isdisjoint(vehicle.randomisable):
         return Parameters()
-    keys = iter(jax.random.split(key, 11))
+    keys = iter(jax.random.split(key, 12))
     built = physics_of(vehicle)
 
     def spread(value: Any, name: str) -> Any:
@@ -114,6 +114,7 @@ def _parameters(vehicle: Vehicle, strengths: Strengths, offsets: Strengths, key:
         delay=None if delay is None else built.delay + delay * jax.random.uniform(next(keys), shape),
         wind_w=None if wind is None else _wind(wind, next(keys), shape),
         clip_share=None if clip is None else jnp.minimum(1.0, clip * jax.random.uniform(next(keys), shape)),
+        quadratic_drag=spread(built.quadratic_drag, "drag_spread") if built.quadratic_drag else None,
     )
 
 
@@ -131,8 +132,8 @@ def _gates(track: Track, strengths: Strengths, key: Array, races: Shape) -> Move
     moved = "gate_shift" in strengths or "gate_turn" in strengths
     if not (moved or track.variants):
         return None
-    shift_key, turn_key = jax.random.split(key)
-    position, yaw = _standing(track, jax.random.fold_in(key, 1), races)
+    shift_key, turn_key, variant_key = jax.random.split(key, 3)
+    position, yaw = _standing(track, variant_key, races)
     if moved:
         gates = len(track.gates)
         shift = strengths.get("gate_shift", 0.0) * jax.random.uniform(shift_key, (3, gates, *races), minval=-1.0)

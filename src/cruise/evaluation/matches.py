@@ -57,7 +57,8 @@ class Match:
     @property
     def time_limit(self) -> float:
         """When a race ends at the latest [s]."""
-        return max(TIME_LIMIT, self.laps * lap_length(self.track.gates) / SLOWEST)
+        longest = max(lap_length(gates) for gates in (self.track.gates, *self.track.variants))
+        return max(TIME_LIMIT, self.laps * longest / SLOWEST)
 
     @property
     def env(self) -> RaceEnv:

@@ -45,7 +45,7 @@ class ForeignPilot:
     budget: float  # time for an action of one drone [s]
 
     def init(self, env: RaceEnv, drones: tuple[int, ...], state: RaceState) -> Memory:
-        """Raises CruiseError: `cruise.pilots.cockpit` flies it, a compiled program cannot."""
+        """Raises CruiseError: `cruise.pilots.python_pilot` flies it, a compiled program cannot."""
         raise CruiseError(f"pilot {self.name!r} is plain Python: it cannot fly inside a compiled program")
 
     def act(
@@ -156,7 +156,9 @@ def construct(thing: Callable[[], Any], name: str) -> Any:
     """An object of a pilot's class. Raises CruiseError where its constructor fails."""
     try:
         return thing()
-    except Exception as error:
+    except (KeyboardInterrupt, CruiseError):
+        raise
+    except BaseException as error:  # sys.exit() among them
         raise CruiseError(
             f"pilot {name!r} could not be made: {explain(error)}; its class takes no arguments"
         ) from error

@@ -21,7 +21,7 @@ class Perceptron(eqx.Module):
         gains = [jnp.sqrt(2.0)] * (len(sizes) - 2) + [jnp.asarray(head_gain)]
         layers = []
         for fan_in, fan_out, gain, k in zip(sizes[:-1], sizes[1:], gains, keys, strict=True):
-            layer = eqx.nn.Linear(fan_in, fan_out, key=k)
+            layer = eqx.filter_eval_shape(eqx.nn.Linear, fan_in, fan_out, key=k)  # drawn here, not there
             weight = gain * jax.nn.initializers.orthogonal()(k, (fan_out, fan_in), jnp.float32)
             layers.append(eqx.tree_at(lambda la: (la.weight, la.bias), layer, (weight, jnp.zeros(fan_out))))
         self.layers = tuple(layers)

@@ -100,10 +100,10 @@ def draw(env: RaceEnv, key: Array, num_races: int, rollout_steps: int, vary_fiel
     One start per race: one that ends twice in a rollout begins at the same place twice, which costs nothing, where a
     fresh start for every race at every step would cost more than everything else together.
     """
-    start_key, noise_key = jax.random.split(key)
+    start_key, noise_key, field_key = jax.random.split(key, 3)
     noise = jax.random.normal(noise_key, (rollout_steps, env.dynamics.action_size, num_races))
     start = env.reset(start_key, (num_races,))
-    return Draws(thin_out(start, jax.random.fold_in(key, 2)) if vary_field else start, noise)
+    return Draws(thin_out(start, field_key) if vary_field else start, noise)
 
 
 def make_collect(env: RaceEnv, config: TrainConfig) -> Collect:
@@ -138,7 +138,7 @@ def make_collect(env: RaceEnv, config: TrainConfig) -> Collect:
                 )
             flown = env.decode(seen, everyone)
             if spars:
-                flown = fly_sparring(env, races, flown, state.sparring, rules.agility)
+                flown = fly_sparring(env, seen, flown, state.sparring, rules.agility)
             races, outcome = env.step(races, flown, rules)
             terminated = outcome.terminated[ACTIVE]
             density, company = log_prob(mean, model.log_std, action, noise_scale), nearest < ppo.company_distance

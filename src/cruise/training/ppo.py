@@ -1,4 +1,4 @@
-"""Proximal policy optimisation on the formulas of rlax and the optimisers of optax."""
+"""Proximal policy optimisation: minibatches, losses and steps of the optimiser."""
 
 from collections.abc import Callable
 
@@ -6,7 +6,6 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import optax
-import rlax
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, Int, Shaped
 
@@ -14,6 +13,7 @@ from cruise.config import PPOConfig
 from cruise.pilots.network import ActorCritic
 from cruise.training.devices import mean_over_devices
 from cruise.training.experience import Experience, log_prob
+from cruise.training.formulas import clipped_surrogate, generalised_advantages
 from cruise.training.types import Batch, TrainState
 
 LEAST_DEVIATION = 0.01  # of a group's advantages, as a share of that of all: that of one or two may be rounding
@@ -50,8 +50,7 @@ def advantages(experience: Experience, config: PPOConfig) -> Float[Array, "T E"]
     going_on = 1.0 - transitions.terminated
     future = going_on if config.after_crash == "nothing" else jnp.ones_like(going_on)
     values = jnp.concatenate([transitions.value, experience.last_value[None]])
-    estimate = jax.vmap(rlax.truncated_generalized_advantage_estimation, in_axes=1, out_axes=1)
-    return estimate(transitions.reward, config.gamma * future, config.gae_lambda * going_on, values)
+    return generalised_advantages(transitions.reward, config.gamma * future, config.gae_lambda * going_on, values)
 
 
 def make_batch(experience: Experience, config: PPOConfig) -> Batch:
@@ -68,7 +67,7 @@ def ppo_loss(
     mean, value = model.mean_and_value(batch.observation)
     new_log_prob = log_prob(mean, model.log_std, batch.action, batch.noise_scale)
     log_ratio = new_log_prob - batch.log_prob
-    policy_loss = rlax.clipped_surrogate_pg_loss(jnp.exp(log_ratio), batch.advantage, config.clip_ratio)
+    policy_loss = clipped_surrogate(jnp.exp(log_ratio), batch.advantage, config.clip_ratio)
     value_loss = optax.l2_loss(value, batch.value_target).mean()
     entropy = (model.log_std + 0.5 * jnp.log(2 * jnp.pi * jnp.e)).sum()
     loss = policy_loss + config.value_weight * 2 * value_loss - entropy_weight * entropy

@@ -14,7 +14,7 @@ from cruise.env.surroundings import perceive
 from cruise.env.types import RaceState, Rules
 from cruise.pilots.network import ActorCritic
 from cruise.training.experience import hide_opponents
-from cruise.training.league import SEATS, SHARES, beaten_by_seat, opponents_fly
+from cruise.training.league import SHARES, SLOTS, beaten_by_slot, opponents_fly
 from cruise.training.types import ACTIVE, League, OpponentPool, TrainState
 from cruise.vector import norm
 
@@ -66,13 +66,13 @@ def _score(seen: _Watch, races: RaceState, env: RaceEnv, league: League | None =
         success=jnp.mean(~races.out[ACTIVE]),
         speed=seen.distance.sum() / jnp.maximum(seen.steps.sum(), 1),
         lap_time=jnp.sum(jnp.where(whole, per_lap, 0.0)) / whole.sum() * env.dynamics.control_dt,
-        beaten=None if league is None else beaten_by_seat(races.gates_passed),
+        beaten=None if league is None else beaten_by_slot(races.gates_passed),
     )
 
 
 def _against_newest(gates_passed: Int[Array, "N E"]) -> Int[Array, "N H"]:
     """Of the races that no member of the league flies in."""
-    return gates_passed.reshape(len(gates_passed), -1, SHARES)[..., :SEATS].reshape(len(gates_passed), -1)
+    return gates_passed.reshape(len(gates_passed), -1, SHARES)[..., :SLOTS].reshape(len(gates_passed), -1)
 
 
 Evaluate = Callable[..., Score]  # (model, opponents, rules, alone, key, league=None)

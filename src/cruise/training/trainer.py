@@ -33,7 +33,7 @@ from cruise.training.self_play import Score, has_mastered, make_evaluate, may_re
 from cruise.training.sparring import draw_sparring
 from cruise.training.types import League, OpponentPool, TrainState
 
-SEATING = 1  # of the keys of an evaluation, the one that seats the league
+STREAMS = 6  # of random numbers that a seed begins
 
 
 class Progress(NamedTuple):
@@ -127,13 +127,13 @@ class Trainer:
             league: League | None,
         ) -> Score:
             """`origin`: the seed and the number of the update that is evaluated."""
-            return evaluate(model, opponents, rules, alone, _key_of(origin), league)
+            return evaluate(model, opponents, rules, alone, _keys_of(origin)[0], league)
 
         return evaluate_update
 
     def _start(self, key: Array) -> TrainState:
         """A fresh state: opponents equal to the active policy, episodes of random ages, which never end together."""
-        model_key, race_key, age_key, key = jax.random.split(key, 4)
+        model_key, race_key, age_key, key, sparring_key, _ = jax.random.split(key, STREAMS)
         ppo, env = self.config.ppo, self.env
         races = env.reset(race_key, (ppo.races,))
         size = env.observe(races).shape[0]
@@ -147,7 +147,7 @@ class Trainer:
             model=model,
             optimiser=self.optimiser.init(flatten(model)),
             opponents=pool,
-            sparring=draw_sparring(jax.random.fold_in(key, 1), env, ppo.races, share),
+            sparring=draw_sparring(sparring_key, env, ppo.races, share),
             races=races,
             restart=nobody,
             key=key,
@@ -208,7 +208,7 @@ class Trainer:
         origin = np.array([self.config.seed, int(state.updates)], np.uint32)
         score = self.evaluate(state.model, state.opponents.newest, rules, alone, origin, state.league)
         if state.league is not None:
-            state = after_evaluation(state, score.beaten, jax.random.fold_in(_key_of(origin), SEATING))
+            state = after_evaluation(state, score.beaten, _keys_of(origin)[1])
         score = Score(*(float(x) for x in score[:4]))  # type: ignore[arg-type]
         if not phase.self_play or self.config.against:
             return score, state, False
@@ -219,10 +219,14 @@ class Trainer:
         return score, play_on(state), False
 
 
-def _key_of(origin: UInt32[Array, "2"] | np.ndarray) -> Array:
-    """The key of an evaluation: that of the seed and the number of the update."""
+def _keys_of(origin: UInt32[Array, "2"] | np.ndarray) -> Array:
+    """Two keys of an evaluation, for its races and for the league; functions of the seed and the number of the update.
+
+    They come from the last of the seed's streams, which `_start` leaves alone.
+    """
     seed, update = origin
-    return jax.random.fold_in(jax.random.key(seed + 1), update)
+    evaluations = jax.random.split(jax.random.key(seed), STREAMS)[-1]
+    return jax.random.split(jax.random.fold_in(evaluations, update))
 
 
 def _on_host(number: float | int | bool) -> np.ndarray:

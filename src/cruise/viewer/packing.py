@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from cruise.evaluation.metrics import DroneResult, RaceResult, crossing_times, events_of, race_result
+from cruise.evaluation.metrics import DroneResult, RaceResult, crash_times, events_of, overtakes, race_result
 from cruise.palette import drone_colour
 from cruise.storage.race_log import EVENT_KINDS, EventKind, RaceLog
 from cruise.viewer.samples import pack_samples
@@ -66,20 +66,6 @@ def looks_ahead(log: RaceLog) -> bool:
     return bool(np.median(ahead) > np.cos(np.pi / 4))
 
 
-def overtakes(log: RaceLog) -> list[tuple[float, int, int, int]]:
-    """Time, overtaker, overtaken and gate of every overtaking.
-
-    A drone has overtaken another when it was behind at a crossing and before it at the next; the time is that of the
-    overtaker's crossing.
-    """
-    times = crossing_times(log)
-    behind = times[:, None] - times[None]
-    drone, other, crossing = np.nonzero((behind[..., :-1] > 0) & (behind[..., 1:] < 0))
-    gate = (log.next_gate[0, 0] + crossing + 1) % log.num_gates
-    rows = zip(times[drone, crossing + 1].tolist(), drone.tolist(), other.tolist(), gate.tolist(), strict=True)
-    return sorted(rows)
-
-
 def _pack_drone(log: RaceLog, result: DroneResult, drone: int, ghost: bool) -> dict[str, Any]:
     flown = slice(0, int(log.airborne[:, drone].sum()) + 1)
     states = (array[flown, drone] for array in (log.position_w, log.velocity_w, log.euler))
@@ -90,17 +76,10 @@ def _pack_drone(log: RaceLog, result: DroneResult, drone: int, ghost: bool) -> d
         "ghost": ghost,
         "fate": result.fate,
         "finish": _number(result.finish_time),
-        "crash": _crash_time(log, drone),
+        "crash": _number(float(crash_times(log)[drone])),
         "crossings": _numbers(events_of(log, EventKind.CROSSING, drone)),
         "samples": pack_samples(log.time[flown], *states),
     }
-
-
-def _crash_time(log: RaceLog, drone: int) -> float | None:
-    """When a drone's race ended by a collision [s]."""
-    collision = (log.event_kind >= EventKind.COLLISION_DRONE) & (log.event_kind <= EventKind.COLLISION_FLIP)
-    times = log.event_time[collision & (log.event_drone == drone)].tolist()
-    return _number(times[0]) if times else None
 
 
 def _pack_gates(log: RaceLog) -> list[dict[str, Any]]:
@@ -117,7 +96,7 @@ def _pack_events(log: RaceLog) -> list[dict[str, Any]]:
         for time, kind, drone, gate, other in rows
         if kind != EventKind.CROSSING
     ]
-    events += [_event(time, "overtake", drone, gate, other) for time, drone, other, gate in overtakes(log)]
+    events += [_event(time, "overtake", drone, gate, other) for time, drone, other, gate, _ in overtakes(log)]
     return sorted(events, key=lambda event: event["time"])
 
 
@@ -126,8 +105,8 @@ def _event(time: float, kind: str, drone: int, gate: int, other: int) -> dict[st
 
 
 def _number(value: float) -> float | None:
-    """A number of JSON, which has no NaN."""
-    return None if np.isnan(value) else round(float(value), DECIMALS)
+    """A number of JSON, which has neither NaN nor infinity."""
+    return round(float(value), DECIMALS) if np.isfinite(value) else None
 
 
 def _numbers(values: np.ndarray) -> list:

@@ -4,9 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cruise.evaluation.metrics import RaceResult, crossing_times, race_result
+from cruise.evaluation.metrics import RaceResult, crash_times, crossing_times, overtakes, race_result
 from cruise.storage.race_log import EventKind, RaceLog
-from cruise.viewer.packing import overtakes
 
 NAN = float("nan")
 
@@ -32,10 +31,7 @@ class Course(NamedTuple):
 
 def make_course(log: RaceLog) -> Course:
     """Prepare a race."""
-    ends = np.full(log.num_drones, np.inf)
-    collision = (log.event_kind >= EventKind.COLLISION_DRONE) & (log.event_kind <= EventKind.COLLISION_FLIP)
-    np.minimum.at(ends, log.event_drone[collision], log.event_time[collision])
-    return Course(log, race_result(log), crossing_times(log), ends)
+    return Course(log, race_result(log), crossing_times(log), crash_times(log))
 
 
 def standings(course: Course, t: float) -> list[Standing]:
@@ -83,7 +79,7 @@ CRASHES = {
 def commentary(course: Course) -> list[tuple[float, str]]:
     """Time and one short sentence for everything worth saying, in order."""
     log = course.log
-    said = [(t, f"Drone {drone + 1} overtakes drone {other + 1}") for t, drone, other, _ in overtakes(log)]
+    said = [(t, f"Drone {drone + 1} overtakes drone {other + 1}") for t, drone, other, *_ in overtakes(log)]
     for time, kind, drone, other in zip(
         log.event_time.tolist(),
         log.event_kind.tolist(),
