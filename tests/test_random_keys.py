@@ -15,6 +15,7 @@ from cruise.config import SelfPlayConfig, TrainConfig
 from cruise.env.race_env import make_race_env
 from cruise.env.randomise import made_for, perturbation
 from cruise.presets import RANDOMISATION, TRACKS, VEHICLES
+from cruise.racing.course import pick
 from cruise.racing.random_track import random_tracks
 from cruise.training.experience import draw
 from cruise.training.trainer import Trainer, _keys_of
@@ -146,10 +147,10 @@ def test_sparring_partners_know_nothing_of_the_learners_noise():
 def test_starts_know_nothing_of_what_is_random_about_them():
     env = random_env(1)
     state = env.reset(jax.random.key(0), (400,))
-    height = np.asarray(state.drones.position_w[2, 0] - env.course_of(state).position_w[2][0])
+    height = (state.drones.position_w - pick(env.course_of(state).position_w, state.next_gate))[2]
     parameters, surroundings = state.drones.parameters, state.surroundings
     drawn = [parameters.mass, parameters.thrust_gain, parameters.delay, surroundings.errors.bias[0]]
-    drawn += [surroundings.gusts.phase[0, 0][None], surroundings.gates.position_w[0, 0][None], height[None]]
+    drawn += [surroundings.gusts.phase[0, 0][None], surroundings.errors.noise[0], state.next_gate, height]
     rows = np.array([np.asarray(row).reshape(-1) for row in drawn])
     ranks = spearmanr(rows.T).statistic
     assert np.abs(ranks - np.eye(len(rows))).max() < 0.2  # 4 standard deviations

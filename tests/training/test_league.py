@@ -64,7 +64,7 @@ def test_half_of_the_races_meet_the_newest_and_each_member_an_eighth():
     older = rng.random(3 * SHARES) < 0.5
     observation = rng.normal(size=(like.actor.layers[0].in_features, 3, 3 * SHARES)).astype(np.float32)
     pool = OpponentPool(newest, previous, jnp.asarray(older), jnp.asarray(0))
-    found = np.asarray(opponents_fly(pool, league, jnp.asarray(observation)))
+    found = np.asarray(opponents_fly(pool, league, (), jnp.asarray(observation))[1])
     for race in range(3 * SHARES):
         share = race % SHARES
         flying = [random_model(k, like) for k in (4, 0, 5, 2)]

@@ -31,7 +31,7 @@ class FindLimit:
     laps: int = 1
     """Laps from standing that are optimal as a whole; in periodic flight, how often the log repeats the lap."""
     margin: float = 0.25
-    """Kept from the edges of every opening [m]."""
+    """Kept from the edges of every opening, and from poles and walls [m]."""
     steps: int | None = None
     """From gate to gate, in each of which a control is held: more are finer. 20 if not given; not for `paper`."""
     largest_change: float | None = None
@@ -66,6 +66,8 @@ def told(limit: "Limit") -> list[str]:
     splits = " ".join(f"{time:.3f}" for time in limit.lap.duration)
     struck = ", ".join(str(gate + 1) for gate in limit.frames_struck)
     note = [f"beware   this line runs through the frame of gate {struck}"] if struck else []
+    solids = ", ".join(str(number + 1) for number in limit.solids_struck)
+    note += [f"beware   this line runs through obstacle {solids}"] if solids else []
     return [
         f"{limit.track.name} by {limit.vehicle.name} ({limit.equations}), {kind}",
         f"lap      {times} s",

@@ -34,8 +34,8 @@ class Train:
     resume: Annotated[Path | None, tyro.conf.arg(metavar="RUN_DIR")] = None
     """Continue the run in this folder; its own configuration holds, and other flags of the run are refused."""
     randomise: Annotated[float | None, described("SHARE")] = None
-    """How much of what is full for the vehicle races differ by (0 to 2), before single flags such as --mass-spread; by
-    default 0 for the paper's vehicle and 0.5 for others."""
+    """Strength of the domain randomisation (0 to 2; 1 is all that a real drone may differ by); single flags such as
+    --mass-spread override it. By default 0 for the paper's vehicle and 0.5 for others."""
     reward_preset: Literal["default", "paper"] = "default"
     """Reward weights: the project's, or those printed in the paper."""
     episodes: int = 100

@@ -18,7 +18,7 @@ class Watch:
     watch: bool = False
     """Serve a page that shows races as they are flown, on this machine alone. Its address is printed."""
     port: int = 0
-    """Of that page; by default a free one."""
+    """Port of that page; by default a free one."""
 
     def server(self, title: str) -> "LiveServer":
         """A server whose address has been printed."""

@@ -13,7 +13,7 @@ import numpy as np
 
 from cruise.config import ObservationKind, Vehicle
 from cruise.errors import CruiseError
-from cruise.pilots.network import ActorCritic
+from cruise.pilots.network import ActorCritic, NetworkShape
 from cruise.pilots.neural import NeuralPilot
 from cruise.racing.track_file import RANDOM
 from cruise.storage import policy_paths, tensors
@@ -48,15 +48,6 @@ class PolicyMeta:
     def all_steps(self) -> int:
         """Environment steps of the active drone since its networks were random."""
         return self.steps_before + self.steps
-
-
-@dataclass(frozen=True)
-class NetworkShape:
-    """Sizes of the networks' layers."""
-
-    observation_size: int
-    action_size: int
-    hidden: tuple[int, ...]
 
 
 @dataclass(frozen=True)
@@ -98,7 +89,7 @@ def save_policy(path: StrPath, params: ActorCritic, meta: PolicyMeta) -> Path:
     stem = stem_of(Path(path))
     where = f"policy {stem}"
     arrays = {name: np.asarray(leaf) for name, leaf in _named(params).items()}
-    network = _shape_of(params)
+    network = params.shape
     _check_meta(meta, network, where)
     _check_params(arrays, network, where)
     data = tensors.encode(arrays)
@@ -197,14 +188,7 @@ def _asked(track: str, drones: int, vehicle: str | Vehicle) -> str:
 
 def _template(network: NetworkShape) -> ActorCritic:
     """The networks as shapes."""
-    sizes = (network.observation_size, network.action_size, network.hidden)
-    return eqx.filter_eval_shape(ActorCritic, *sizes, 0.0, jax.random.key(0))
-
-
-def _shape_of(params: ActorCritic) -> NetworkShape:
-    layers = params.actor.layers
-    hidden = tuple(int(layer.out_features) for layer in layers[:-1])
-    return NetworkShape(int(layers[0].in_features), int(layers[-1].out_features), hidden)
+    return eqx.filter_eval_shape(ActorCritic, network, 0.0, jax.random.key(0))
 
 
 def _named(params: Any) -> dict[str, Any]:
@@ -216,6 +200,8 @@ def _named(params: Any) -> dict[str, Any]:
 def _check_meta(meta: PolicyMeta, network: NetworkShape, where: str) -> None:
     sizes = {"drones": meta.drones, "observation_size": network.observation_size, "action_size": network.action_size}
     sizes |= {f"hidden[{i}]": size for i, size in enumerate(network.hidden)}
+    sizes |= {"memory_size": network.memory_size} if network.kind == "gru" else {}
+    sizes |= {"critic_observation_size": network.critic_observation_size} if network.critic_observation_size else {}
     for name, size in sizes.items():
         if not 1 <= size <= MAX_WIDTH:
             raise CruiseError(f"{where}: {name} must be from 1 to {MAX_WIDTH}, got {size}")

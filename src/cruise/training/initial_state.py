@@ -55,5 +55,8 @@ def _fitting(name: str, config: TrainConfig, model: ActorCritic, kinds: Collecti
             f"{ours.name} by the {config.observation} one"
         )
     if jax.tree.map(np.shape, policy.params) != jax.tree.map(np.shape, model):
-        raise CruiseError(f"policy {name!r} has other layers than this run: give --hidden as it was trained with")
+        raise CruiseError(
+            f"policy {name!r} has other networks than this run: give --hidden, --network, --memory-size "
+            "and --critic-observation as it was trained with"
+        )
     return policy.params

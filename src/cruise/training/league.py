@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from cruise.pilots.network import ActorCritic
+from cruise.pilots.network import ActorCritic, Carry
 from cruise.training.types import ACTIVE, League, OpponentPool, TrainState
 
 SLOTS = 4  # members that fly at a time
@@ -42,35 +42,48 @@ def found_league(model: ActorCritic, places: int, founders: Sequence[ActorCritic
 
 
 def opponents_fly(
-    pool: OpponentPool, league: League | None, observation: Float[Array, "O K E"]
-) -> Float[Array, "A K E"]:
-    """Deterministic actions of the frozen drones."""
+    pool: OpponentPool, league: League | None, carry: Carry, observation: Float[Array, "O K E"]
+) -> tuple[Carry, Float[Array, "A K E"]]:
+    """What the frozen drones remember [H K E], and their deterministic actions."""
     if league is None:
-        return newest_fly(pool, observation)
-    shares = observation.reshape(*observation.shape[:-1], -1, SHARES)
+        return newest_fly(pool, carry, observation)
+    given = jax.tree.map(lambda x: x.reshape(*x.shape[:-1], -1, SHARES), (carry, observation))
     older = pool.uses_previous.reshape(-1, SHARES)[:, :SLOTS]
-    newest = newest_fly(pool._replace(uses_previous=older), shares[..., :SLOTS])
-    return jnp.concatenate([newest, members_fly(league, shares[..., SLOTS:])], axis=-1).reshape(
-        -1, *observation.shape[1:]
+    newest = newest_fly(pool._replace(uses_previous=older), *jax.tree.map(lambda x: x[..., :SLOTS], given))
+    members = members_fly(league, *jax.tree.map(lambda x: x[..., SLOTS:], given))
+    flown: tuple[Carry, Array] = jax.tree.map(
+        lambda a, b: jnp.concatenate([a, b], axis=-1).reshape(-1, *observation.shape[1:]), newest, members
     )
+    return flown
 
 
-def newest_fly(pool: OpponentPool, observation: Float[Array, "O K *E"]) -> Float[Array, "A K *E"]:
-    """Those of the newest opponents; the older generation costs only while a race still uses it."""
-    newest = pool.newest.mean_action(observation)
+def newest_fly(
+    pool: OpponentPool, carry: Carry, observation: Float[Array, "O K *E"]
+) -> tuple[Carry, Float[Array, "A K *E"]]:
+    """The same of the newest opponents; the older generation costs only while a race still uses it.
 
-    def mixed(_: None) -> Array:
-        return jnp.where(pool.uses_previous, pool.previous.mean_action(observation), newest)
+    Each race is flown by one generation from its start to its end, whose memory is the one it has.
+    """
+    newest = pool.newest.apply(carry, observation)
+
+    def mixed(_: None) -> tuple[Carry, Array]:
+        previous = pool.previous.apply(carry, observation)
+        chosen: tuple[Carry, Array] = jax.tree.map(
+            lambda older, newer: jnp.where(pool.uses_previous, older, newer), previous, newest
+        )
+        return chosen
 
     return jax.lax.cond(pool.uses_previous.any(), mixed, lambda _: newest, None)
 
 
-def members_fly(league: League, observation: Float[Array, "O K E S"]) -> Float[Array, "A K E S"]:
-    """Those of the members that fly, the last axis."""
+def members_fly(
+    league: League, carry: Carry, observation: Float[Array, "O K E S"]
+) -> tuple[Carry, Float[Array, "A K E S"]]:
+    """The same of the members that fly, the last axis."""
     flying: ActorCritic = jax.tree.map(lambda leaf: leaf[league.flying], league.members)
-    fly = jax.vmap(ActorCritic.mean_action, in_axes=(0, -1), out_axes=-1)
-    actions: Array = fly(flying, observation)
-    return actions
+    fly = jax.vmap(ActorCritic.apply, in_axes=(0, -1, -1), out_axes=-1)
+    flown: tuple[Carry, Array] = fly(flying, carry, observation)
+    return flown
 
 
 def beaten_by_slot(gates_passed: Int[Array, "N E"]) -> Float[Array, "S"]:

@@ -94,17 +94,21 @@ def make_evaluate(env: RaceEnv, config: SelfPlayConfig) -> Evaluate:
         pool = OpponentPool(opponents, opponents, jnp.zeros(number, bool), jnp.zeros((), jnp.int32))
 
         def step(carry: tuple, _: None) -> tuple:
-            races, seen = carry
-            seen_as = perceive(races)
-            observation = env.observe(seen_as)
-            action = model.mean_action(observation[:, :1])
+            races, seen, own, theirs = carry
+            measured = perceive(races)
+            observation = env.observe(measured)
+            own, action = model.apply(own, observation[:, :1])
             if env.num_drones > 1:
-                action = jnp.concatenate([action, opponents_fly(pool, league, observation[:, 1:])], axis=1)
-            after, outcome = env.step(races, env.decode(seen_as, action), rules)
+                theirs, others = opponents_fly(pool, league, theirs, observation[:, 1:])
+                action = jnp.concatenate([action, others], axis=1)
+            after, outcome = env.step(races, env.decode(measured, action), rules)
             crossing = outcome.crossing
-            return (after, _watch(seen, races, after, crossing.passed[ACTIVE], crossing.fraction[ACTIVE])), None
+            seen = _watch(seen, races, after, crossing.passed[ACTIVE], crossing.fraction[ACTIVE])
+            return (after, seen, own, theirs), None
 
-        (races, seen), _ = jax.lax.scan(step, (races, _Watch(*[nothing] * 4)), length=config.evaluation_steps)
+        carries = model.init_carry((1, number)), opponents.init_carry((env.num_drones - 1, number))
+        start = (races, _Watch(*[nothing] * 4), *carries)
+        (races, seen, _, _), _ = jax.lax.scan(step, start, length=config.evaluation_steps)
         return _score(seen, races, env, league)
 
     return evaluate

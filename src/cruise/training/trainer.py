@@ -13,9 +13,9 @@ from jaxtyping import Array, UInt32
 from cruise.config import Track, TrainConfig, Vehicle
 from cruise.env.race_env import RaceEnv, make_race_env
 from cruise.env.randomise import made_for, perturbation
-from cruise.env.types import Rules, stage_rules
+from cruise.env.types import RaceState, Rules, stage_rules
 from cruise.errors import CruiseError
-from cruise.pilots.network import ActorCritic
+from cruise.pilots.network import ActorCritic, NetworkShape
 from cruise.training.curriculum import Phase, plan_phases
 from cruise.training.devices import (
     AXIS,
@@ -75,6 +75,10 @@ class Trainer:
         self.mesh = make_mesh(devices or choose_devices(config.ppo.races))
         if config.opponents.league and config.ppo.races // self.mesh.size % SHARES:
             raise CruiseError(f"with a league every device flies a multiple of {SHARES} races: change races or devices")
+        if config.ppo.network == "gru" and config.ppo.races // self.mesh.size % config.ppo.minibatches:
+            raise CruiseError(
+                "with memory every device needs a multiple of minibatches of races: change --races or --minibatches"
+            )
         everywhere = NamedSharding(self.mesh, PartitionSpec())
         self.places = placed = shardings(self.mesh, state_specs(self.state_shape()))
         self.update = jax.jit(
@@ -136,8 +140,7 @@ class Trainer:
         model_key, race_key, age_key, key, sparring_key, _ = jax.random.split(key, STREAMS)
         ppo, env = self.config.ppo, self.env
         races = env.reset(race_key, (ppo.races,))
-        size = env.observe(races).shape[0]
-        model = ActorCritic(size, env.dynamics.action_size, ppo.hidden, ppo.initial_log_std, model_key)
+        model = ActorCritic(self._network_shape(races), ppo.initial_log_std, model_key)
         races = hide_opponents(races, jnp.asarray(self.phases[0].alone))
         races = races._replace(step=jax.random.randint(age_key, (ppo.races,), 0, self.config.episode_steps))
         nobody = jnp.zeros(ppo.races, bool)
@@ -153,6 +156,19 @@ class Trainer:
             key=key,
             updates=jnp.zeros((), jnp.int32),
             league=found_league(model, self.config.opponents.league) if self.config.opponents.league else None,
+            carries=model.init_carries((ppo.races,)),
+            opponents_carry=model.init_carry((env.num_drones - 1, ppo.races)),
+        )
+
+    def _network_shape(self, races: RaceState) -> NetworkShape:
+        ppo, critic = self.config.ppo, self.config.critic_observation
+        return NetworkShape(
+            observation_size=self.env.observe(races).shape[0],
+            action_size=self.env.dynamics.action_size,
+            hidden=ppo.hidden,
+            kind=ppo.network,
+            memory_size=ppo.memory_size,
+            critic_observation_size=self.env.observe_as[critic](races).shape[0] if critic else 0,
         )
 
     def initial_state(self) -> TrainState:

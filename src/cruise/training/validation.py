@@ -5,6 +5,7 @@ import math
 from collections.abc import Iterator
 
 from cruise.config import PPOConfig, SelfPlayConfig, TrainConfig, Vehicle
+from cruise.env.observation import OBSERVATIONS
 from cruise.env.randomise import check_randomisation
 from cruise.errors import CruiseError
 from cruise.storage.policy_file import MAX_WIDTH
@@ -50,6 +51,8 @@ def _faults(config: TrainConfig) -> Iterator[str]:
     yield from _ppo_faults(config.ppo)
     yield from _opponent_faults(config.opponents)
     yield from _not_shares(config, "milder_share", "nominal_share")
+    if config.critic_observation and config.critic_observation not in OBSERVATIONS:
+        yield f"unknown critic_observation {config.critic_observation!r}: there are {', '.join(OBSERVATIONS)}"
     if config.against and config.drones == 1:
         yield "against names who flies the opponents, and one drone has none: raise drones"
     phase = plan_phases(config)[-1]
@@ -60,7 +63,9 @@ def _faults(config: TrainConfig) -> Iterator[str]:
 
 def _ppo_faults(ppo: PPOConfig) -> Iterator[str]:
     yield from _below(1, ppo, "races", "rollout_steps", "epochs", "minibatches")
-    if ppo.rollout_steps % ppo.minibatches:
+    if ppo.network == "gru":
+        yield from _recurrent_faults(ppo)
+    elif ppo.rollout_steps % ppo.minibatches:
         yield f"rollout_steps ({ppo.rollout_steps}) must be a multiple of minibatches ({ppo.minibatches})"
     if ppo.races < ppo.rollout_steps:
         yield f"races ({ppo.races}) must be at least rollout_steps ({ppo.rollout_steps})"
@@ -75,6 +80,13 @@ def _ppo_faults(ppo: PPOConfig) -> Iterator[str]:
         yield "least_noise must be above 0, or a drone beside another would never try anything"
     if not ppo.hidden or not 1 <= min(ppo.hidden) <= max(ppo.hidden) <= MAX_WIDTH:
         yield f"hidden must name the width of at least one layer, each from 1 to {MAX_WIDTH}, not {ppo.hidden}"
+
+
+def _recurrent_faults(ppo: PPOConfig) -> Iterator[str]:
+    if ppo.races % ppo.minibatches:
+        yield f"races ({ppo.races}) must be a multiple of minibatches ({ppo.minibatches}): they are of whole races"
+    if not 1 <= ppo.memory_size <= MAX_WIDTH:
+        yield f"memory_size must be from 1 to {MAX_WIDTH}, not {ppo.memory_size}"
 
 
 def _opponent_faults(opponents: SelfPlayConfig) -> Iterator[str]:
