@@ -58,6 +58,7 @@ def test_a_policy_of_a_racer_flies_a_heavier_one_where_that_is_asked(heavy_file)
         make_match(RING, 1, "racer-ring", vehicle=replace(VEHICLES["racer"], control="attitude"))
     with pytest.raises(CruiseError, match="pilots of different vehicles cannot race each other: heavy, racer; say"):
         make_match(RING, 2, ["racer-ring", Chaser().for_vehicle(heavy)])
+    assert make_match(RING, 2, ["racer-ring", Chaser(vehicle=VEHICLES["racer"])]).vehicle == VEHICLES["racer"]
     with pytest.raises(CruiseError, match="no policy is shipped for track 'ring' with 1 drone and vehicle 'heavy'"):
         shipped_name("ring", 1, heavy)
 
