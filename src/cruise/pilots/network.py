@@ -11,7 +11,6 @@ from jaxtyping import Array, Bool, Float
 
 from cruise.config import NetworkKind
 
-Params = "ActorCritic"
 Carry = Any  # what a network remembers from step to step, batch axes last; () where it remembers nothing
 
 
