@@ -12,7 +12,7 @@ import pytest
 from cruise.config import PPOConfig, Randomisation, SelfPlayConfig, TrainConfig
 from cruise.env.surroundings import perceive
 from cruise.errors import CruiseError
-from cruise.evaluation.matches import make_match, run_races
+from cruise.evaluation.matches import make_match
 from cruise.export.files import Exporter
 from cruise.presets import TRACKS, VEHICLES
 from cruise.rollout import fly_from, team_rules
@@ -146,12 +146,6 @@ def test_every_race_has_a_memory_of_its_own(tmp_path):
         np.testing.assert_allclose(together[: len(alone), ..., race], alone[..., 0], atol=1e-3)
     assert np.asarray(pilot.init(env, (0, 1), state)).shape == (5, 2, 3)
     assert not np.asarray(pilot.init(env, (0, 1), state)).any()
-
-
-def test_a_policy_with_memory_races(tmp_path):
-    path, _ = a_policy(tmp_path)
-    log = next(run_races(make_match(TRACKS["ring"], 2, path, laps=1), 1, seed=0))
-    assert log.pilots.tolist() == ["test", "test"]
 
 
 def test_a_value_network_learns_on_from_what_it_saw(tmp_path):
