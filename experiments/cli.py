@@ -14,6 +14,7 @@ from cruise.errors import CruiseError
 from experiments.evidence import read_evidence
 from experiments.plan import Job, choose, full_scale, make_plan, quick_scale
 from experiments.progress import show_events
+from experiments.report import write_report
 from experiments.results import ResultFolder
 from experiments.study import left, run_jobs, state_of
 from experiments.sweep import Cluster, sweep
@@ -80,8 +81,6 @@ class Reproduce(Study):
         return show_events(Console(), run_jobs(work, wanted), wanted, len(jobs))
 
     def _report(self, work: Work) -> None:
-        from experiments.report import write_report  # noqa: PLC0415  (imports Matplotlib)
-
         evidence = read_evidence(work.results, work.scale)
         page = write_report(evidence, self.out or work.folder / "report")
         print(f"report {page} from {sum(1 for _ in evidence.all_cells)} cells")

@@ -7,12 +7,12 @@ from pathlib import Path
 
 from cruise.config import TrainConfig
 from cruise.evaluation.matches import make_match, run_races
-from cruise.presets import VEHICLES
 from cruise.racing.track_file import load_track
 from cruise.storage.atomic import read_bytes, write_atomically
 from cruise.training.metrics_log import read_metrics
 from cruise.training.session import CONFIG, Session
 from cruise.training.validation import check_config
+from cruise.vehicles import find_vehicle
 from experiments.commands import train_command
 from experiments.measure import FRESH, load_as, measure, thin_curve
 from experiments.plan import DUEL, ENTRANTS, MIXED, Job, config_of
@@ -60,7 +60,7 @@ def _cell(work: Work, job: Job, session: Session, stages: tuple[StageResult, ...
 
 def _open(folder: Path, config: TrainConfig) -> Session:
     resume = (folder / CONFIG).exists()
-    return Session(folder, config, load_track(config.track), VEHICLES[config.vehicle], resume=resume)
+    return Session(folder, config, load_track(config.track), find_vehicle(config.vehicle), resume=resume)
 
 
 def _measure_stage(work: Work, job: Job, session: Session, number: int) -> StageResult:

@@ -33,6 +33,10 @@ class Pooled:
         """Whether it was observed at all."""
         return not math.isnan(self.mean)
 
+    def times(self, factor: float) -> "Pooled":
+        """In another unit."""
+        return replace(self, mean=factor * self.mean, low=factor * self.low, high=factor * self.high)
+
 
 NOTHING = Pooled(math.nan, math.nan, math.nan, 0, 0)
 

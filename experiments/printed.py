@@ -1,8 +1,9 @@
-"""What others printed or computed, to hold our figures against. Every number has its source here."""
+"""What others printed or computed, to hold our figures against. Every number has its source here.
+
+The paper is Akgün, *Curriculum-Based Iterative Self-Play for Scalable Multi-Drone Racing*.
+"""
 
 from typing import NamedTuple
-
-PAPER = "Akgün, Curriculum-Based Iterative Self-Play for Scalable Multi-Drone Racing"
 
 
 class Printed(NamedTuple):
@@ -37,7 +38,6 @@ TABLES: dict[tuple[str, str, int], Printed] = {
     ("figure-eight", "vanilla", 4): Printed(31.1, 0.9, 1.8, 0.1, 30),
 }
 SPEED_FACTOR = 1.9  # of CRUISE over SE-IBR on both tracks: "nearly double the planner's mean racing speed"
-PRINTED_LIMIT = 10.0  # v_min of stage 5, "the maximum reference velocity available" [m/s]
 
 # (track, drones): mean speed after stages 1 to 5 [m/s], read from the result files of the paper's repository
 # (github Onurion/CurriculumDroneRacing); its figures "Ablation study on the Ring Track" and "... Figure-Eight Track".

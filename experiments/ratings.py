@@ -4,12 +4,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from openskill.models import PlackettLuce, PlackettLuceRating
 
+from cruise.errors import CruiseError
 from experiments.head_to_head import winner
 from experiments.plan import ENTRANTS
 from experiments.pooling import NOTHING, Pooled, pool, pool_rate
 from experiments.results import HeadToHead, Meeting
+
+try:
+    from openskill.models import PlackettLuce, PlackettLuceRating
+except ImportError:
+    raise CruiseError("the report's ratings need openskill: pip install -c constraints.txt openskill") from None
 
 RESAMPLES = 100
 Game = tuple[tuple[str, ...], tuple[int, ...]]  # entrants and their places

@@ -2,11 +2,11 @@
 
 from pathlib import Path
 
-from cruise.report.figure_style import to_svg
 from cruise.storage.atomic import write_atomically
 from experiments.entries import scale_note
 from experiments.evidence import Evidence, mixed_settings
-from experiments.figures.report import all_figures
+from experiments.figures import all_figures
+from experiments.figures.style import to_svg
 from experiments.named import named
 from experiments.page import Content, read_blocks, to_page, to_text
 from experiments.plan import KINDS, make_plan

@@ -3,9 +3,9 @@
 from typing import Any
 
 from cruise.pilots.se_ibr.settings import Setting, style_of
-from cruise.presets import VEHICLES
 from cruise.racing.track_file import load_track
 from cruise.storage.config_file import to_data
+from cruise.vehicles import find_vehicle
 from experiments.plan import Job, Scale, config_of
 from experiments.results import Cell
 
@@ -19,7 +19,7 @@ ERAS = ("sparring_share",)
 def settings_of(job: Job, scale: Scale) -> dict[str, Any]:
     """What a job's cell depends on beside the seeds: the resolved configuration, or how the planner flies a track."""
     if job.family == "planner":
-        style = style_of(PLANNERS[job.kind], load_track(job.track), VEHICLES[scale.base(job.drones).vehicle])
+        style = style_of(PLANNERS[job.kind], load_track(job.track), find_vehicle(scale.base(job.drones).vehicle))
         return {name: float(value) for name, value in style._asdict().items()}
     return to_data(config_of(job, scale))
 

@@ -12,7 +12,7 @@ from cruise.storage.file_lock import Busy
 from experiments.head_to_head import checksums, make_head_to_head
 from experiments.learned import make_learned, make_planner
 from experiments.plan import Family, Job
-from experiments.results import Cell, HeadToHead
+from experiments.results import HeadToHead
 from experiments.settings import is_current
 from experiments.work import Step, Work
 
@@ -80,9 +80,3 @@ def run_jobs(work: Work, jobs: Sequence[Job]) -> Iterator[Event]:
             yield Event(job, "done", seconds=time.monotonic() - started)
         jax.clear_caches()  # a study compiles more programs than memory should hold
         gc.collect()
-
-
-def read_all(work: Work, jobs: Sequence[Job]) -> dict[Job, Cell | HeadToHead]:
-    """Every result there is. Raises CruiseError where a file is not a sound one."""
-    found = {job: work.results.read(job) for job in jobs}
-    return {job: result for job, result in found.items() if result is not None}

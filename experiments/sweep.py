@@ -6,6 +6,7 @@ again, from the last checkpoint.
 """
 
 import dataclasses
+import importlib
 import logging
 import socket
 from collections.abc import Callable, Iterator, Sequence
@@ -13,7 +14,6 @@ from typing import Any
 
 from cruise.cli.experiments import call
 from cruise.errors import CruiseError, one_line
-from cruise.extras import import_extra
 from experiments.own_cores import own_cores
 from experiments.plan import Job
 from experiments.results import ResultFolder
@@ -57,7 +57,10 @@ def sweep(
     Raises:
         CruiseError: Ray is not installed, does not start, or has no machine with so many cores.
     """
-    ray = import_extra("ray", "ray", "a sweep needs Ray")
+    try:
+        ray = importlib.import_module("ray")
+    except ImportError:
+        raise CruiseError("a sweep needs Ray: pip install -c constraints.txt ray") from None
     cores = _start(ray, cluster, len(jobs))
     work = dataclasses.replace(work, folder=work.folder.absolute(), results=ResultFolder(work.results.path.absolute()))
 

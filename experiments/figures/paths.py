@@ -8,12 +8,31 @@ from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.art3d import Line3DCollection
 from mpl_toolkits.mplot3d.axes3d import Axes3D
 
-from cruise.report.figure_style import INK, Style, legend_below, new_figure, our_look, tidy
+from cruise.report.figure_style import INK, Style, legend_below, new_figure, tidy
 from cruise.report.race_scene import crashes, style
 from cruise.storage.race_log import RaceLog
+from experiments.evidence import Evidence
+from experiments.plan import KINDS, MIXED
 
 
-@our_look()
+def paths(evidence: Evidence) -> dict[str, Figure]:
+    """Trajectories of four CRUISE drones on each track, and of a mixed field; those that were kept."""
+    figures = {}
+    for kind, what in (("cruise", "four CRUISE drones"), ("head-to-head", "one pilot of each kind")):
+        for track in evidence.scale.tracks:
+            log = evidence.races.get((kind, track, MIXED))
+            if log is not None:
+                figures[f"paths-{kind}-{track}"] = draw_paths(log, f"{track}: {what}", _names(log, kind))
+    return figures
+
+
+def _names(log: RaceLog, kind: str) -> list[str]:
+    """Drones of one pilot by number, others by their pilot."""
+    if kind == "cruise":
+        return [f"drone {drone + 1}" for drone in range(log.num_drones)]
+    return [KINDS[pilot].title if pilot in KINDS else pilot for pilot in log.pilots.tolist()]
+
+
 def draw_paths(log: RaceLog, title: str, names: Sequence[str]) -> Figure:
     """Paths and gates of a race, one colour per drone; rings where they started, crosses where one collided."""
     figure = new_figure(12.0, 5.4)

@@ -7,7 +7,6 @@ from pathlib import Path
 from cruise.config import TrainConfig
 from cruise.evaluation.matches import evaluate_policy
 from cruise.pilots.neural import NeuralPilot
-from cruise.presets import VEHICLES
 from cruise.processor import use_wide_vectors
 from cruise.racing.random_track import training_track, unseen_tracks
 from cruise.racing.track_file import RANDOM
@@ -17,7 +16,8 @@ from cruise.training.devices import use_cores
 from cruise.training.metrics_log import read_metrics
 from cruise.training.session import Session, default_folder
 from cruise.training.trainer import Progress
-from cruise.training.validation import check_config
+from cruise.training.validation import check_config, owning_vehicle
+from cruise.vehicles import find_vehicle
 
 __all__ = ["finish_run", "train"]
 
@@ -42,12 +42,12 @@ def train(
     Raises:
         CruiseError: the configuration cannot work, the folder holds a run already, or training diverged.
     """
-    config = config or TrainConfig()
+    config = owning_vehicle(config or TrainConfig())
     check_config(config)
     use_wide_vectors()
     use_cores()
     folder = Path(out) if out else default_folder(config)
-    session = Session(folder, config, training_track(config), VEHICLES[config.vehicle])
+    session = Session(folder, config, training_track(config), find_vehicle(config.vehicle))
     for progress in session:
         if show:
             show(progress)

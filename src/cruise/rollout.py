@@ -38,6 +38,7 @@ class Flight(NamedTuple):
     action: np.ndarray  # [K, A, N, *B]
     crossing: Crossing  # [K, N, *B] each
     collisions: Collisions  # [K, N, *B] each, bool
+    further: tuple[Crossing, ...] = ()  # likewise, of the gates after the target: see `StepOutcome`
     moved: MovedGates | None = None  # NumPy, where races differ in their gates
 
 
@@ -55,6 +56,7 @@ class _Step(NamedTuple):
     action: Array
     crossing: Crossing
     collisions: Collisions
+    further: tuple[Crossing, ...]
 
 
 class _Carry(NamedTuple):
@@ -136,7 +138,7 @@ def _fly_chunk(
         memories, action = act_together(env, groups, carry.memories, state, jax.random.fold_in(key, carry.step))
         action = jnp.where(state.airborne, action, 0.0)
         after, outcome = env.step(state, action, rules)
-        record = _Step(_sample(env, state), action, outcome.crossing, outcome.collisions)
+        record = _Step(_sample(env, state), action, outcome.crossing, outcome.collisions, outcome.further)
         return _Carry(after, memories, carry.step + 1), record
 
     carry, steps = jax.lax.scan(step, carry, length=chunk)
@@ -226,4 +228,5 @@ def _join(env: RaceEnv, pieces: list[_Step], last: _Sample, steps: int) -> Fligh
         action=joined.action,
         crossing=joined.crossing,
         collisions=joined.collisions,
+        further=joined.further,
     )

@@ -3,6 +3,7 @@
 import jax.numpy as jnp
 from jaxtyping import Array
 
+from cruise.actions import acceleration
 from cruise.config import Vehicle
 from cruise.dynamics.algebra import JAX, Algebra
 from cruise.dynamics.integrators import make_integrator
@@ -13,7 +14,6 @@ from cruise.dynamics.tracking import demanded_acceleration
 from cruise.dynamics.types import DroneState, Dynamics, Reference, RigidBody
 from cruise.vector import sin_cos
 
-ACTION_SIZE = 3
 RATE_SCALE = 3.0  # body rates of a hard turn [rad/s]
 AGILITY_SCALE = 4.0  # a middling agility [m/s^2]
 
@@ -76,7 +76,7 @@ def make_cascade(vehicle: Vehicle) -> Dynamics:
         return jnp.clip(demanded_acceleration(vehicle.tracking, state, reference, agility), -1.0, 1.0)
 
     return Dynamics(
-        ACTION_SIZE,
+        acceleration(vehicle.agility),
         vehicle.control_dt,
         init,
         step,

@@ -26,6 +26,34 @@ def from_heading(heading: Float[Array, "*B"]) -> Float[Array, "4 *B"]:
     return jnp.stack([cosine, zero, zero, sine])
 
 
+def from_euler(roll: Component, pitch: Component, yaw: Component) -> Four:
+    """The attitude Rz(yaw) Ry(pitch) Rx(roll), from ZYX Euler angles [rad]."""
+    (sr, cr), (sp, cp), (sy, cy) = sin_cos(roll / 2), sin_cos(pitch / 2), sin_cos(yaw / 2)
+    return (
+        cr * cp * cy + sr * sp * sy,
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+    )
+
+
+def between(q: Quaternion, wanted: Quaternion) -> Four:
+    """Give q^-1 wanted: the rotation, in the body's frame, that is left to turn."""
+    (w, x, y, z), (a, b, c, d) = q, wanted
+    return (
+        w * a + x * b + y * c + z * d,
+        w * b - x * a - y * d + z * c,
+        w * c + x * d - y * a - z * b,
+        w * d - x * c + y * b - z * a,
+    )
+
+
+def up_b(q: Quaternion) -> Three:
+    """The world's z axis in the body's frame: the last row of `rotation_matrix`."""
+    w, x, y, z = q
+    return 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)
+
+
 def derivative(q: Quaternion, angular_velocity_b: Vector) -> Four:
     """Give q (0, omega) / 2 (Diebel, Representing Attitude, 2006)."""
     w, x, y, z = q

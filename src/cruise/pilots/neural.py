@@ -5,7 +5,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from cruise.config import ObservationKind
+from cruise.config import ObservationKind, Vehicle
 from cruise.env.observation import FOR_ANY_FIELD
 from cruise.env.race_env import RaceEnv
 from cruise.env.types import RaceState
@@ -26,7 +26,7 @@ class NeuralPilot(eqx.Module):
     drones: int = eqx.field(static=True)  # in the races it was trained for
     agility: float = eqx.field(static=True)
     name: str = eqx.field(static=True)
-    vehicle: str = eqx.field(static=True, default="paper")
+    vehicle: str | Vehicle = eqx.field(static=True, default="paper")
 
     def init(self, env: RaceEnv, drones: tuple[int, ...], state: RaceState) -> Memory:
         """What the network remembers before the start. Raises CruiseError where the policy does not fit the race."""

@@ -1,4 +1,4 @@
-"""One look for all figures: axes, letters, and how a figure becomes SVG or PNG.
+"""One look for all figures: axes, letters, and how a figure becomes a PNG picture.
 
 A figure is built and written inside `our_look`: the settings of the user's own matplotlibrc do not reach it, and
 the names that people gave to tracks and pilots are written as they are: to Matplotlib "$...$" is a formula.
@@ -21,7 +21,6 @@ __all__ = ["BLACK", "BLUE", "FAINT", "GREEN", "GRID", "INK", "ORANGE", "PINK", "
 
 Style = dict[str, Any]
 
-MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 RC: Any = {  # its stub knows literal keys alone
     "font.size": 10.0,
     "axes.edgecolor": "#666666",
@@ -29,8 +28,6 @@ RC: Any = {  # its stub knows literal keys alone
     "text.color": INK,
     "xtick.color": INK,
     "ytick.color": INK,
-    "svg.hashsalt": "cruise",  # the same figure gives the same file
-    "svg.fonttype": "path",
     "text.parse_math": False,
 }
 
@@ -46,14 +43,6 @@ def our_look() -> Iterator[None]:
 def new_figure(width: float, height: float) -> Figure:
     """A white figure of so many inches."""
     return Figure(figsize=(width, height), layout="constrained", facecolor="white")
-
-
-def to_svg(figure: Figure) -> str:
-    """The figure as SVG text, the same for the same figure."""
-    buffer = io.StringIO()
-    with our_look():
-        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
-    return buffer.getvalue()
 
 
 def to_png(figure: Figure) -> bytes:

@@ -13,6 +13,7 @@ from cruise.storage.policy_file import read_meta, read_policy
 from cruise.training.league import found_league
 from cruise.training.trainer import Trainer
 from cruise.training.types import TrainState
+from cruise.vehicles import find_vehicle, fly_alike
 
 
 def initial_state(trainer: Trainer) -> TrainState:
@@ -57,10 +58,11 @@ def _fitting(name: str, config: TrainConfig, model: ActorCritic, kinds: Collecti
     """
     policy = read_policy(name)
     meta = policy.meta
-    if meta.vehicle != config.vehicle or meta.observation not in kinds:
+    theirs, ours = find_vehicle(meta.vehicle), find_vehicle(config.vehicle)
+    if not fly_alike(theirs, ours) or meta.observation not in kinds:
         raise CruiseError(
-            f"policy {name!r} flies a {meta.vehicle} by the {meta.observation} observation, this run trains for a "
-            f"{config.vehicle} by the {config.observation} one"
+            f"policy {name!r} flies a {theirs.name} by the {meta.observation} observation, this run trains for a "
+            f"{ours.name} by the {config.observation} one"
         )
     if jax.tree.map(np.shape, policy.params) != jax.tree.map(np.shape, model):
         raise CruiseError(

@@ -4,17 +4,26 @@ import dataclasses
 import math
 from collections.abc import Iterator
 
-from cruise.config import PPOConfig, SelfPlayConfig, TrainConfig
+from cruise.config import PPOConfig, SelfPlayConfig, TrainConfig, Vehicle
 from cruise.env.observation import OBSERVATIONS
 from cruise.env.randomise import check_randomisation
 from cruise.errors import CruiseError
-from cruise.presets import VEHICLES
 from cruise.storage.policy_file import MAX_WIDTH
 from cruise.training.curriculum import plan_phases
+from cruise.vehicles import VEHICLES, check_vehicle, find_vehicle, load_vehicle, reference_to
 
 MAX_DRONES = 16
 MAX_SEED = 2**32 - 1
 MAY_BE_INFINITE = ("overtake_range", "checkpoint_seconds")
+
+
+def owning_vehicle(config: TrainConfig) -> TrainConfig:
+    """The configuration with all numbers of a vehicle that a file describes, so that the run no longer needs the file.
+
+    Raises:
+        CruiseError: there is no such vehicle, or it cannot fly.
+    """
+    return dataclasses.replace(config, vehicle=reference_to(load_vehicle(config.vehicle)))
 
 
 def check_config(config: TrainConfig) -> None:
@@ -24,14 +33,17 @@ def check_config(config: TrainConfig) -> None:
 
 
 def _faults(config: TrainConfig) -> Iterator[str]:
-    if config.vehicle not in VEHICLES:
+    known = isinstance(config.vehicle, Vehicle) or config.vehicle in VEHICLES
+    if known:
+        check_vehicle(find_vehicle(config.vehicle))
+    else:
         yield f"unknown vehicle {config.vehicle!r}: there are {', '.join(VEHICLES)}"
     if not 1 <= config.drones <= MAX_DRONES:
         yield f"drones must be between 1 and {MAX_DRONES}, not {config.drones}"
     if not 0 <= config.seed <= MAX_SEED:
         yield f"seed must be between 0 and {MAX_SEED}, not {config.seed}"
-    if config.vehicle in VEHICLES:
-        check_randomisation(VEHICLES[config.vehicle], config.randomisation)
+    if known:
+        check_randomisation(find_vehicle(config.vehicle), config.randomisation)
     for part in (config, config.reward, config.ppo, config.opponents):
         yield from _not_finite(part)
     yield from _below(1, config, "episode_steps")

@@ -4,9 +4,12 @@ from typing import Any
 
 import numpy as np
 
+from cruise.config import Gate
 from cruise.evaluation.metrics import DroneResult, RaceResult, crash_times, events_of, overtakes, race_result
 from cruise.palette import drone_colour
+from cruise.racing.solids import Outline
 from cruise.storage.race_log import EVENT_KINDS, EventKind, RaceLog
+from cruise.viewer.painting.scenery import log_scenery
 from cruise.viewer.samples import pack_samples
 
 DECIMALS = 4  # of times and lengths outside the samples
@@ -24,7 +27,7 @@ def pack_race(log: RaceLog, label: str, ghost: RaceLog | None = None) -> dict[st
     Returns:
         Plain numbers, text, lists and dictionaries.
     """
-    result = race_result(log)
+    result, scenery = race_result(log), log_scenery(log)
     drones = [_pack_drone(log, result.drones[drone], drone, ghost=False) for drone in range(log.num_drones)]
     if ghost is not None:
         results = race_result(ghost).drones
@@ -37,7 +40,8 @@ def pack_race(log: RaceLog, label: str, ghost: RaceLog | None = None) -> dict[st
         "laps": log.laps,
         "duration": _number(float(log.time[-1])),
         "sample_period": _number(log.control_dt),
-        "gates": _pack_gates(log),
+        "gates": [_pack_gate(gate) for gate in scenery.gates],
+        "solids": [_pack_solid(solid) for solid in scenery.solids],
         "first_gate": int(log.next_gate[0, 0]),
         "frame_width": _number(log.frame_width),
         "bounds": _numbers(log.bounds),
@@ -82,9 +86,16 @@ def _pack_drone(log: RaceLog, result: DroneResult, drone: int, ghost: bool) -> d
     }
 
 
-def _pack_gates(log: RaceLog) -> list[dict[str, Any]]:
-    rows = zip(_numbers(log.gate_position), _numbers(log.gate_yaw), _numbers(log.gate_size), strict=True)
-    return [{"position": centre, "yaw": yaw, "size": size} for centre, yaw, size in rows]
+def _pack_gate(gate: Gate) -> dict[str, Any]:
+    height = gate.width if gate.shape == "round" else gate.height
+    turns = {"yaw": _number(gate.yaw), "pitch": _number(gate.pitch), "roll": _number(gate.roll)}
+    size = _numbers(np.array([gate.width, height]))
+    return {"position": _numbers(np.array(gate.position_w)), **turns, "size": size, "shape": gate.shape}
+
+
+def _pack_solid(solid: Outline) -> dict[str, Any]:
+    centre, size = _numbers(np.array(solid.centre_w)), _numbers(np.array(solid.size))
+    return {"kind": solid.kind, "shape": solid.shape, "centre": centre, "size": size, "yaw": _number(solid.yaw)}
 
 
 def _pack_events(log: RaceLog) -> list[dict[str, Any]]:

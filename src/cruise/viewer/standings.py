@@ -5,7 +5,8 @@ from typing import NamedTuple
 import numpy as np
 
 from cruise.evaluation.metrics import RaceResult, crash_times, crossing_times, overtakes, race_result
-from cruise.storage.race_log import EventKind, RaceLog
+from cruise.racing.events import COLLISION_KINDS, EventKind
+from cruise.storage.race_log import RaceLog
 
 NAN = float("nan")
 
@@ -68,14 +69,6 @@ def _distance_to_first_gate(log: RaceLog, drone: int, t: float) -> float:
     return float(np.linalg.norm(log.position_w[sample, drone] - log.gate_position[log.next_gate[0, 0]]))
 
 
-CRASHES = {
-    EventKind.COLLISION_GROUND: "hits the ground",
-    EventKind.COLLISION_GATE_FRAME: "hits a gate",
-    EventKind.COLLISION_BOUNDS: "leaves the track",
-    EventKind.COLLISION_FLIP: "flips over",
-}
-
-
 def commentary(course: Course) -> list[tuple[float, str]]:
     """Time and one short sentence for everything worth saying, in order."""
     log = course.log
@@ -87,10 +80,11 @@ def commentary(course: Course) -> list[tuple[float, str]]:
         log.event_other.tolist(),
         strict=True,
     ):
-        if kind in CRASHES:
-            said.append((time, f"Drone {drone + 1} {CRASHES[EventKind(kind)]}"))
-        elif kind == EventKind.COLLISION_DRONE and (drone < other or other < 0):
-            said.append((time, f"Drones {drone + 1} and {other + 1} collide"))
+        if kind == EventKind.COLLISION_DRONE:
+            if drone < other or other < 0:
+                said.append((time, f"Drones {drone + 1} and {other + 1} collide"))
+        elif kind in COLLISION_KINDS:
+            said.append((time, f"Drone {drone + 1} {tuple(EventKind)[kind].said}"))
         elif kind == EventKind.FINISH:
             place = course.result.ranking.index(drone) + 1
             said.append(

@@ -61,6 +61,7 @@ _CRAZYFLIE = Vehicle(
     control="ctbr",
     agility=4 * _CRAZYFLIE_THRUST / _CRAZYFLIE_MASS,
     flip_ends=False,
+    indoors=True,
     tracking=Tracking(attitude_gain=7.0, velocity_gain=3.0, position_gain=1.5, speed=3.0, reach=2.0),
     airframe=Airframe(
         rotors=Rotors(
@@ -88,13 +89,34 @@ VEHICLES: dict[str, Vehicle] = {
 }
 
 
-def find_vehicle(name: str) -> Vehicle:
-    """The vehicle of this name. Raises CruiseError, naming those there are, where there is none."""
-    if name not in VEHICLES:
-        close = difflib.get_close_matches(name, VEHICLES, n=1)
+def find_vehicle(vehicle: str | Vehicle) -> Vehicle:
+    """The vehicle itself, or the named one. Raises CruiseError, naming those there are, where there is none."""
+    if isinstance(vehicle, Vehicle):
+        return vehicle
+    if vehicle not in VEHICLES:
+        close = difflib.get_close_matches(vehicle, VEHICLES, n=1)
         hint = f"did you mean {close[0]!r}? " if close else ""
-        raise CruiseError(f"unknown vehicle {name!r}: {hint}vehicles: {', '.join(VEHICLES)}")
-    return VEHICLES[name]
+        raise CruiseError(f"unknown vehicle {vehicle!r}: {hint}vehicles: {', '.join(VEHICLES)}")
+    return VEHICLES[vehicle]
+
+
+def reference_to(vehicle: Vehicle) -> str | Vehicle:
+    """How stored configurations and pilots say which vehicle: a preset by its name, any other one by its numbers."""
+    return vehicle.name if VEHICLES.get(vehicle.name) == vehicle else vehicle
+
+
+def fly_alike(one: Vehicle, other: Vehicle) -> bool:
+    """Whether a pilot made for one vehicle can fly the other: same equations, same numbers in an action."""
+    return (one.flown_by, one.action.kind, _names(one)) == (other.flown_by, other.action.kind, _names(other))
+
+
+def _names(vehicle: Vehicle) -> tuple[str, ...]:
+    return tuple(number.name for number in vehicle.action.numbers)
+
+
+def name_of(vehicle: str | Vehicle) -> str:
+    """What messages and logs call it."""
+    return vehicle if isinstance(vehicle, str) else vehicle.name
 
 
 # Batteries that these vehicles fly with: `replace(vehicle.airframe, battery=BATTERIES[...])` lets them sag.

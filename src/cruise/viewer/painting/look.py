@@ -1,4 +1,4 @@
-"""Colours and letters of films, those of the replay page in its dark scheme."""
+"""Colours and letters of pictures, those of the replay page in its dark scheme."""
 
 import functools
 from pathlib import Path
@@ -6,33 +6,30 @@ from pathlib import Path
 import numpy as np
 from PIL import ImageColor, ImageFont
 
-from cruise.palette import drone_colour
+from cruise.palette import COLOURS, drone_colour
 
 Colour = tuple[int, int, int]
 
-BACKGROUND: Colour = (10, 14, 21)
-GROUND: Colour = (26, 34, 48)
-GRID: Colour = (61, 75, 97)
-GATE: Colour = (135, 147, 166)
-GATE_DARK: Colour = (96, 107, 126)
-STRIP: Colour = (223, 231, 242)
-HIGHLIGHT: Colour = (240, 228, 66)
-ARMS: Colour = (139, 149, 165)
-CRASHED: Colour = (91, 100, 114)
-INK: Colour = (233, 237, 243)
-MUTED: Colour = (152, 164, 181)
-WARNING: Colour = (255, 138, 112)
-PANEL: Colour = (17, 23, 33)
-ROW: Colour = (36, 43, 54)
+
+def rgb(name: str) -> Colour:
+    """Of "#rrggbb"."""
+    red, green, blue = ImageColor.getrgb(name)[:3]
+    return red, green, blue
+
+
+_SCENE, _UI = ({name: rgb(value) for name, value in COLOURS["dark"][part].items()} for part in ("scene", "ui"))
+BACKGROUND, GROUND, GRID = (_SCENE[name] for name in ("background", "ground", "grid"))
+GATE, STRIP, HIGHLIGHT, SOLID = (_SCENE[name] for name in ("gate", "gateStrip", "highlight", "solid"))
+ARMS, CRASHED, WHITE = (_SCENE[name] for name in ("arms", "crashed", "black"))  # a black drone would vanish
+INK, MUTED, PANEL, WARNING = (_UI[name] for name in ("ink", "muted", "panel", "warn"))
 SHADOW: Colour = (15, 20, 29)
-DARK: Colour = (10, 14, 21)
-WHITE: Colour = (255, 255, 255)
+DARK = BACKGROUND
 
 
 def colour_of(drone: int) -> Colour:
     """Of a drone; one that is black elsewhere is white on this dark ground."""
-    red, green, blue = ImageColor.getrgb(drone_colour(drone))[:3]
-    return (red, green, blue) if red + green + blue else WHITE
+    colour = rgb(drone_colour(drone))
+    return colour if any(colour) else WHITE
 
 
 def ink_on(colour: Colour) -> Colour:

@@ -4,10 +4,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cruise.storage.race_log import RaceLog
-
 AZIMUTH, ELEVATION, FIELD = np.radians([-62.0, 30.0, 32.0])  # direction from the track to the camera, vertical angle
+NEAREST = 1.0  # to what is to be seen [m]
 ROUNDS = 60
+
+Margins = tuple[float, float, float, float]  # at the left, top, right and bottom [px]
 
 
 class Camera(NamedTuple):
@@ -31,8 +32,8 @@ class Camera(NamedTuple):
         return self._replace(size=size, focal=self.focal * factor, middle=self.middle * factor)
 
 
-def fit_camera(log: RaceLog, size: tuple[int, int], margins: tuple[float, float, float, float]) -> Camera:
-    """A camera that shows every gate down to the ground between margins at the left, top, right and bottom [px]."""
+def fit_camera(points_w: np.ndarray, size: tuple[int, int], margins: Margins) -> Camera:
+    """A camera that shows points [P, 3] as large as the space between margins allows."""
     left, top, right, bottom = margins
     free = np.array([size[0] - left - right, size[1] - top - bottom])
     middle = np.array([left, top]) + free / 2
@@ -41,22 +42,15 @@ def fit_camera(log: RaceLog, size: tuple[int, int], margins: tuple[float, float,
     back = np.array([np.cos(AZIMUTH) * flat, np.sin(AZIMUTH) * flat, np.sin(ELEVATION)])
     side = np.cross([0.0, 0.0, 1.0], back)
     axes = np.stack([side / np.linalg.norm(side), np.cross(back, side / np.linalg.norm(side)), back])
-    points = _corners(log)
-    aim, distance = points.mean(axis=0), 100.0
+    aim = points_w.mean(axis=0)
+    reach = max(float(np.linalg.norm(points_w - aim, axis=1).max()), NEAREST)
+    distance = 4 * reach
     for _ in range(ROUNDS):
         camera = Camera(size, aim + distance * back, axes, focal, middle)
-        pixels, depth = camera.project(points)
+        pixels, depth = camera.project(points_w)
         low, high = pixels.min(axis=0), pixels.max(axis=0)
         offset = ((low + high) / 2 - middle) * (1.0, -1.0) * depth.mean() / focal
         aim = aim + offset[0] * axes[0] + offset[1] * axes[1]
-        distance *= 0.3 + 0.7 * float(((high - low) / free).max())
+        nearest = float(((points_w - aim) @ back).max()) + NEAREST  # nothing comes to lie behind the camera
+        distance = max(nearest, distance * (0.3 + 0.7 * float(((high - low) / free).max())))
     return Camera(size, aim + distance * back, axes, focal, middle)
-
-
-def _corners(log: RaceLog) -> np.ndarray:
-    """Points round the gates that must be seen [P, 3]."""
-    reach = log.gate_size.max() / 1.4
-    top = log.gate_position + np.array([0.0, 0.0, log.gate_size.max() / 2 + 0.6])
-    ground = log.gate_position * np.array([1.0, 1.0, 0.0])
-    shifts = np.array([[x, y, 0.0] for x in (-reach, reach) for y in (-reach, reach)])
-    return np.concatenate([(part[:, None] + shifts).reshape(-1, 3) for part in (top, ground)])
