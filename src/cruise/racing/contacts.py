@@ -37,7 +37,9 @@ def meet_opponents(
     if aspect != 1.0:
         start_w, end_w = (jnp.stack([x, y, z / aspect]) for x, y, z in (start_w, end_w))
 
-    def visit(found: tuple[Array, ...], k: int, start1_w: Array, end1_w: Array, here: Array) -> tuple[Array, ...]:
+    def visit(
+        found: tuple[Array, ...], k: Array | int, start1_w: Array, end1_w: Array, here: Array
+    ) -> tuple[Array, ...]:
         offset = start1_w - start_w
         motion = (end1_w - end_w) - offset
         both = airborne & here
@@ -101,7 +103,7 @@ def meet_solids(
 def nearest_gate_distance2(course: Course, position_w: Float[Array, "3 *B"]) -> Float[Array, "*B"]:
     """Squared distance to the nearest gate's centre [m^2]."""
 
-    def visit(nearest: Array, gate: int) -> Array:
+    def visit(nearest: Array, gate: Array | int) -> Array:
         x, y, z = (position_w[i] - course.position_w[i, gate] for i in range(3))
         return jnp.minimum(nearest, x * x + y * y + z * z)
 
