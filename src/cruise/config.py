@@ -6,7 +6,7 @@ from typing import Literal
 Vec3 = tuple[float, float, float]
 Integrator = Literal["euler", "semi_implicit", "midpoint", "rk4"]
 Control = Literal["acceleration", "velocity", "position", "ctbr"]
-ObservationKind = Literal["extended", "paper", "body", "body-near"]
+ObservationKind = str  # name of an observation: one of `cruise.env.observation`, or one that its user declared
 GateShape = Literal["rectangle", "round"]
 SelfPlayMode = Literal["within", "after", "off"]
 OUR_SIMULATOR = "cruise"  # what moves the drones where no other is named
@@ -293,7 +293,7 @@ class TrainConfig:
     vehicle: str = "paper"
     start_from: str = ""  # name or path of a policy that learns on; none: from scratch
     against: str = ""  # name or path of a policy that flies all opponents and never changes; none: self-play
-    observation: ObservationKind = "extended"
+    observation: ObservationKind = "extended"  # what the policy sees; `cruise observations` lists them
     vanilla: bool = False  # train on the last stage alone, from scratch, for as many steps
     step_scale: float = 1.0  # multiplies every stage's budget
     episode_steps: int = 300  # time limit of a training episode, in control steps

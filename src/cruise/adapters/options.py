@@ -7,12 +7,13 @@ import math
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Any, Literal, NamedTuple
 
 import jax
 import jax.numpy as jnp
 
 from cruise.config import ObservationKind, RewardWeights, Stage, Track, TrainConfig, Vehicle
+from cruise.env.observation import find_observation
 from cruise.env.race_env import RaceEnv, make_race_env
 from cruise.env.types import Rules, stage_rules
 from cruise.errors import CruiseError
@@ -72,7 +73,6 @@ class Setup(NamedTuple):
     env: RaceEnv
     track: Track
     vehicle: Vehicle
-    weights: RewardWeights
     observation: ObservationKind
     rules: Rules  # arrays
     learners: tuple[int, ...]  # drones that are flown from outside
@@ -107,7 +107,6 @@ def set_up(options: RaceOptions, everybody_learns: bool) -> Setup:
         env=env,
         track=track,
         vehicle=vehicle,
-        weights=weights,
         observation=options.observation,
         rules=jax.tree.map(jnp.asarray, rules),
         learners=learners,
@@ -126,7 +125,7 @@ def _race_env(*choices: Any) -> RaceEnv:
 def _chosen(options: RaceOptions) -> tuple[Vehicle, RewardWeights, Stage, float]:
     """Vehicle, weights, stage and agility."""
     _one_of("vehicle", options.vehicle, tuple(VEHICLES))
-    _one_of("observation", options.observation, get_args(ObservationKind))
+    find_observation(options.observation)
     weights = options.reward
     if not isinstance(weights, RewardWeights):
         _one_of("reward", weights, tuple(REWARDS))

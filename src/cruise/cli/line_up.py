@@ -83,8 +83,8 @@ def usual_track(meta: "PolicyMeta | None" = None) -> Track:
 
 
 def _usual_drones(metas: "list[PolicyMeta]", choices: list[str]) -> int:
-    from cruise.env.observation import FOR_ANY_FIELD  # noqa: PLC0415  (imports JAX)
+    from cruise.env.observation import for_any_field  # noqa: PLC0415  (imports JAX)
 
-    if len(choices) > 1 and all(meta.observation in FOR_ANY_FIELD for meta in metas):
+    if len(choices) > 1 and all(for_any_field(meta.observation) for meta in metas):
         return len(choices)
     return metas[0].drones if metas else DEFAULT_DRONES

@@ -21,6 +21,7 @@ from cruise.storage import policy_paths, tensors
 from cruise.storage.atomic import read_bytes, write_atomically
 from cruise.storage.config_file import from_json, to_json
 from cruise.storage.policy_paths import StrPath, find_policy, stem_of, with_ending
+from cruise.terms import Entry
 
 FORMAT_VERSION = 2  # 1: an extended observation in which opponents did not fade with distance
 MAX_WIDTH = 65_536  # of a layer
@@ -42,6 +43,7 @@ class PolicyMeta:
     config: Any = field(default_factory=dict)  # of the run, resolved: a dataclass, read back as nested dictionaries
     results: dict[str, Any] = field(default_factory=dict)  # as `cruise evaluate --json` measured it
     steps_before: int = 0  # of the policy that this one learned on from, and of those before it
+    layout: tuple[Entry, ...] = ()  # of its observation; files from before 0.2 have none
 
     @property
     def all_steps(self) -> int:
@@ -78,7 +80,8 @@ class Policy:
     def pilot(self) -> NeuralPilot:
         """The policy as a pilot."""
         meta = self.meta
-        return NeuralPilot(self.params, meta.observation, meta.drones, meta.agility, meta.name, meta.vehicle)
+        seen = (meta.observation, meta.drones, meta.agility, meta.name, meta.vehicle, meta.layout)
+        return NeuralPilot(self.params, *seen)
 
 
 def save_policy(path: StrPath, params: ActorCritic, meta: PolicyMeta) -> Path:

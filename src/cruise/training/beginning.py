@@ -6,7 +6,7 @@ import jax
 import numpy as np
 
 from cruise.config import TrainConfig
-from cruise.env.observation import FOR_ANY_FIELD
+from cruise.env.observation import alike
 from cruise.errors import CruiseError
 from cruise.pilots.network import ActorCritic
 from cruise.storage.policy_file import read_policy
@@ -24,7 +24,7 @@ def first_state(trainer: Trainer) -> TrainState:
     state, config = trainer.initial_state(), trainer.config
     model, pool, league = state.model, state.opponents, state.league
     if config.start_from:
-        model = _fitting(config.start_from, config, state.model, _read_alike(config.observation))
+        model = _fitting(config.start_from, config, state.model, alike(config.observation))
         pool = pool._replace(newest=model, previous=model)
     if config.against:
         opponent = _fitting(config.against, config, state.model, {config.observation})
@@ -33,11 +33,6 @@ def first_state(trainer: Trainer) -> TrainState:
         founders = [_fitting(name, config, state.model, {config.observation}) for name in config.opponents.founders]
         league = found_league(model, config.opponents.league, founders)
     return trainer.place(state._replace(model=model, opponents=pool, league=league))
-
-
-def _read_alike(observation: str) -> frozenset[str]:
-    """Observations that a policy could learn to read as well: the same numbers, though some may fade."""
-    return FOR_ANY_FIELD if observation in FOR_ANY_FIELD else frozenset({observation})
 
 
 def _fitting(name: str, config: TrainConfig, model: ActorCritic, kinds: Collection[str]) -> ActorCritic:

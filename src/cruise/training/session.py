@@ -175,6 +175,7 @@ class Session:
             config=self.config,
             results=results,
             steps_before=self.steps_before,
+            layout=self.trainer.env.layout(self.config.observation),
         )
         return save_policy(self.folder / f"{stem}.safetensors", self.state.model, meta)
 

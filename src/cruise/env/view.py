@@ -1,0 +1,212 @@
+"""What the terms of an observation look at: all drones of a race, or of many, as they perceive it.
+
+It is the one place that knows how a course keeps its gates.
+"""
+
+import functools
+import operator
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
+
+from cruise.dynamics.types import DroneState, Dynamics
+from cruise.env.ranks import ranks
+from cruise.env.types import RaceState
+from cruise.racing.course import Course, pick
+from cruise.racing.field import opponent, opponents
+from cruise.vector import dot, norm, stored
+
+ABSENT = 1e6  # sorts an opponent that left the air behind all others [m]
+
+
+def to_gate_frame(normal_w: Float[Array, "2 *#B"], vector_w: Float[Array, "3 *#B"]) -> Float[Array, "3 *#B"]:
+    """A world vector along (forward, left, up) of a gate whose normal is (cos yaw, sin yaw)."""
+    (cos_yaw, sin_yaw), (x, y, z) = normal_w, vector_w
+    return jnp.stack([cos_yaw * x + sin_yaw * y, cos_yaw * y - sin_yaw * x, z])
+
+
+def from_gate_frame(normal_w: Float[Array, "2 *B"], vector: Float[Array, "3 *B"]) -> Float[Array, "3 *B"]:
+    """The inverse of `to_gate_frame`."""
+    (cos_yaw, sin_yaw), (forward, left, up) = normal_w, vector
+    return jnp.stack([cos_yaw * forward - sin_yaw * left, sin_yaw * forward + cos_yaw * left, up])
+
+
+def out_of_gate_frame(
+    course: Course, next_gate: Int[Array, "*B"], vector: Float[Array, "3 *B"]
+) -> Float[Array, "3 *B"]:
+    """A vector along (forward, left, up) of each drone's target gate, in the world."""
+    return from_gate_frame(pick(course.normal_w, next_gate), vector)
+
+
+class Opponent(NamedTuple):
+    """One opponent of every drone; world frame."""
+
+    offset_w: Float[Array, "3 N *B"]  # its position minus the drone's [m]
+    motion_w: Float[Array, "3 N *B"]  # its velocity minus the drone's [m/s]
+    present: Bool[Array, "N *B"]  # in the air
+
+    @property
+    def separation(self) -> Float[Array, "N *B"]:
+        """Distance to it [m]."""
+        return norm(self.offset_w)
+
+
+class View:
+    """Every drone's own flight, its gates and its opponents. Components lead, then drones N, then races *B.
+
+    What several terms share is computed at the first use and kept. SI units; `_w` is the world's frame, `_b` forward,
+    left, up of the drone's body.
+    """
+
+    def __init__(self, course: Course, dynamics: Dynamics, state: RaceState) -> None:
+        """Nothing is computed yet."""
+        self.course, self.dynamics, self.state = course, dynamics, state
+        self._kept: dict[tuple, Any] = {}
+
+    def shared(self, function: Callable[..., Any], *arguments: Any) -> Any:
+        """`function(view, *arguments)`, computed once for all terms that ask for it."""
+        key = (function, *arguments)
+        if key not in self._kept:
+            self._kept[key] = function(self, *arguments)
+        return self._kept[key]
+
+    @property
+    def drones(self) -> DroneState:
+        """Bodies, and what their controllers remember."""
+        return self.state.drones
+
+    @property
+    def num_drones(self) -> int:
+        """N."""
+        return self.position_w.shape[1]
+
+    @property
+    def num_gates(self) -> int:
+        """G, in a lap."""
+        return self.course.num_gates
+
+    @property
+    def position_w(self) -> Float[Array, "3 N *B"]:
+        """Own position [m]."""
+        return self.state.drones.position_w
+
+    @property
+    def velocity_w(self) -> Float[Array, "3 N *B"]:
+        """Own velocity [m/s]."""
+        return self.state.drones.velocity_w
+
+    @property
+    def airborne(self) -> Bool[Array, "N *B"]:
+        """Still racing."""
+        return self.state.airborne
+
+    @functools.cached_property
+    def euler(self) -> Float[Array, "3 N *B"]:
+        """Own roll, pitch, yaw, ZYX [rad]."""
+        return self.dynamics.euler(self.state.drones)
+
+    @functools.cached_property
+    def rotation(self) -> Float[Array, "3 3 N *B"]:
+        """R_WB: turns vectors of the body into the world."""
+        return stored(self.dynamics.rotation(self.state.drones))
+
+    def to_body(self, vector_w: Float[Array, "3 N *B"]) -> Float[Array, "3 N *B"]:
+        """R^T v: a world vector along the body's axes."""
+        return jnp.stack([dot(self.rotation[:, axis], vector_w) for axis in range(3)])
+
+    def gate_index(self, ahead: int = 0) -> Int[Array, "N *B"]:
+        """Which gate is the target, or so many after it."""
+        return self.state.next_gate if ahead == 0 else (self.state.next_gate + ahead) % self.course.num_gates
+
+    def gate_w(self, ahead: int = 0) -> Float[Array, "3 N *B"]:
+        """Centre of the target gate, or of one after it [m]."""
+        return self.shared(_centre_w, ahead)
+
+    def gate_forward_w(self, ahead: int = 0) -> Float[Array, "3 N *B"]:
+        """Direction of flight through that gate."""
+        cos_yaw, sin_yaw = self.shared(_heading_w, ahead)
+        return jnp.stack([cos_yaw, sin_yaw, jnp.zeros_like(cos_yaw)])
+
+    def gate_heading_w(self, ahead: int = 0) -> Float[Array, "2 N *B"]:
+        """Cosine and sine of the yaw of that gate."""
+        return self.shared(_heading_w, ahead)
+
+    def gate_half_size(self, ahead: int = 0) -> Float[Array, "2 N *B"]:
+        """Half width and half height of its opening [m]."""
+        return self.shared(_half_size, ahead)
+
+    def gate_corners_b(self, ahead: int = 0) -> tuple[Float[Array, "3 N *B"], ...]:
+        """From the drone to the corners of its opening, upper left, lower left, lower right, upper right [m]."""
+        return self.shared(_corners_b, ahead)
+
+    def to_gate_frame(self, vector_w: Float[Array, "3 N *B"], ahead: int = 0) -> Float[Array, "3 N *B"]:
+        """A world vector, or one for each of several opponents, along (forward, left, up) of that gate."""
+        heading = self.gate_heading_w(ahead)
+        more = (1,) * (vector_w.ndim - heading.ndim)
+        return to_gate_frame(heading.reshape(2, *more, *heading.shape[1:]), vector_w)
+
+    def opponent(self, number: int) -> Opponent:
+        """Opponent `number` of every drone, 1 to N - 1: drone (i + number) mod N for drone i."""
+        return self.shared(_opponent, number)
+
+    def nearest(self, place: int) -> Opponent:
+        """The opponent in the air that is nearest, for place 1, or next; zeros where there are fewer."""
+        return self.shared(_nearest, place)
+
+    @functools.cached_property
+    def all_nearest(self) -> Opponent:
+        """All N - 1 opponents, those in the air first and by distance, along an axis before that of the drones."""
+        others = [self.nearest(place) for place in range(1, self.num_drones)]
+        offset, motion = (jnp.stack([other[i] for other in others], axis=1) for i in range(2))
+        return Opponent(offset, motion, jnp.stack([other.present for other in others]))
+
+
+def _centre_w(view: View, ahead: int) -> Array:
+    return pick(view.course.position_w, view.gate_index(ahead))
+
+
+def _heading_w(view: View, ahead: int) -> Array:
+    return pick(view.course.normal_w, view.gate_index(ahead))
+
+
+def _half_size(view: View, ahead: int) -> Array:
+    return pick(view.course.half_size, view.gate_index(ahead))
+
+
+def _corners_b(view: View, ahead: int) -> tuple[Array, ...]:
+    (cos_yaw, sin_yaw), half = view.gate_heading_w(ahead), view.gate_half_size(ahead)
+    centre = stored(view.to_body(view.gate_w(ahead) - view.position_w))
+    left = stored(view.to_body(jnp.stack([-sin_yaw * half[0], cos_yaw * half[0], jnp.zeros_like(sin_yaw)])))
+    up = view.rotation[2] * half[1]
+    return tuple(centre + sideways * left + upwards * up for sideways, upwards in ((1, 1), (1, -1), (-1, -1), (-1, 1)))
+
+
+def _opponent(view: View, number: int) -> Opponent:
+    position, velocity = view.position_w, view.velocity_w
+    offset, motion = (opponent(vector, number, 1) - vector for vector in (position, velocity))
+    return Opponent(offset, motion, opponent(view.airborne, number, 0))
+
+
+def _places(view: View) -> list[Float[Array, "N *B"]]:
+    """Of each opponent among those in the air, by distance; 0 is the nearest."""
+    others = [view.opponent(number) for number in opponents(view.num_drones)]
+    separations = [jnp.where(other.present, other.separation, ABSENT) for other in others]
+    return [stored(place.astype(jnp.float32)) for place in ranks(separations)]
+
+
+def _nearest(view: View, place: int) -> Opponent:
+    others = [view.opponent(number) for number in opponents(view.num_drones)]
+    if place > len(others):
+        nothing = jnp.zeros_like(view.position_w)
+        return Opponent(nothing, nothing, jnp.zeros_like(view.airborne))
+    chosen = [other.present & (at == place - 1) for other, at in zip(others, view.shared(_places), strict=True)]
+
+    def pick_one(vectors: list[Array]) -> Array:
+        picked = [jnp.where(flag, vector, 0.0) for flag, vector in zip(chosen, vectors, strict=True)]
+        return functools.reduce(operator.add, picked)
+
+    offset = stored(pick_one([other.offset_w for other in others]))
+    motion = stored(pick_one([other.motion_w for other in others]))
+    return Opponent(offset, motion, functools.reduce(operator.or_, chosen))
