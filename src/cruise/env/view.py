@@ -196,17 +196,17 @@ def _places(view: View) -> list[Float[Array, "N *B"]]:
     return [stored(place.astype(jnp.float32)) for place in ranks(separations)]
 
 
-def _nearest(view: View, place: int) -> Opponent:
+def _relative(view: View) -> list[Float[Array, "6 N *B"]]:
     others = [view.opponent(number) for number in opponents(view.num_drones)]
-    if place > len(others):
+    return [jnp.concatenate([other.offset_w, other.motion_w]) for other in others]
+
+
+def _nearest(view: View, place: int) -> Opponent:
+    if place >= view.num_drones:
         nothing = jnp.zeros_like(view.position_w)
         return Opponent(nothing, nothing, jnp.zeros_like(view.airborne))
-    chosen = [other.present & (at == place - 1) for other, at in zip(others, view.shared(_places), strict=True)]
-
-    def pick_one(vectors: list[Array]) -> Array:
-        picked = [jnp.where(flag, vector, 0.0) for flag, vector in zip(chosen, vectors, strict=True)]
-        return functools.reduce(operator.add, picked)
-
-    offset = stored(pick_one([other.offset_w for other in others]))
-    motion = stored(pick_one([other.motion_w for other in others]))
-    return Opponent(offset, motion, functools.reduce(operator.or_, chosen))
+    present = [view.opponent(number).present for number in opponents(view.num_drones)]
+    chosen = [here & (at == place - 1) for here, at in zip(present, view.shared(_places), strict=True)]
+    picked = [jnp.where(flag, one, 0.0) for flag, one in zip(chosen, view.shared(_relative), strict=True)]
+    vectors = stored(functools.reduce(operator.add, picked))
+    return Opponent(vectors[:3], vectors[3:], functools.reduce(operator.or_, chosen))
