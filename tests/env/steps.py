@@ -7,6 +7,7 @@ from cruise.env.payment import make_reward
 from cruise.env.step_view import StepView
 from cruise.env.types import RaceState
 from cruise.env.view import View
+from cruise.racing.course import Opening
 from cruise.racing.gates import Crossing
 
 
@@ -15,16 +16,10 @@ class GivenGate(View):
 
     def __init__(self, state, centre_w, heading_w, half_size):
         self.state, self._kept = state, {}
-        self.gate = (centre_w, heading_w, half_size)
+        self.opening = Opening(centre_w, heading_w, half_size)
 
-    def gate_w(self, ahead=0):
-        return self.gate[0]
-
-    def gate_heading_w(self, ahead=0):
-        return self.gate[1]
-
-    def gate_half_size(self, ahead=0):
-        return self.gate[2]
+    def gate(self, ahead=0):
+        return self.opening
 
 
 def crossing_of(passed, offset=0.0):

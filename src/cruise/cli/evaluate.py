@@ -30,7 +30,7 @@ class Evaluate:
     episodes: int = 100
     """Races, each from a fresh random start."""
     seed: int = 0
-    """Of the starts; they differ from those of training for every seed."""
+    """Seed of the starts, which are never those of training."""
     json: bool = False
     """Print one JSON object instead of a table."""
     html: Annotated[Path | None, described("FILE")] = None

@@ -36,7 +36,7 @@ class Race:
     laps: Annotated[int | None, described("N")] = None
     """Laps to fly. By default the track's."""
     seed: int = 0
-    """Of the random start."""
+    """Seed of the random start."""
     races: Annotated[int | None, described("N")] = None
     """How many races, each from a random start of its own; the replay steps through them. By default 1, or with --watch
     one after the other until Ctrl-C."""

@@ -23,13 +23,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Robustness:
-    """Measure how success and lap time depend on what may differ in reality, one thing after the other."""
+    """Measure how success and lap time depend on each kind of randomisation, one after the other."""
 
     line_up: LineUp = field(default_factory=LineUp)
     episodes: int = 100
-    """Races at every strength of every deviation."""
+    """Races at every strength of each randomisation."""
     seed: int = 0
-    """Of the starts and of what differs; they are never those of training."""
+    """Seed of the starts and of the randomisation, which are never those of training."""
     png: Annotated[Path | None, described("FILE")] = None
     """Where to draw the figure (.png)."""
     json: bool = False

@@ -26,7 +26,7 @@ class SimToSim:
     episodes: int = 100
     """Races in each simulator, from the same starts."""
     seed: int = 0
-    """Of the starts; they differ from those of training for every seed."""
+    """Seed of the starts, which are never those of training."""
     json: bool = False
     """Print one JSON object instead of a table."""
 

@@ -81,12 +81,16 @@ class Random:
     """How many, from 3 to 40."""
     difficulty: float = 0.5
     """From 0, wide bends nearly level, to 1: close, shuffled, at all heights, gates one above the other."""
+    obstacles: int = 0
+    """Poles and walls beside the way from gate to gate, up to 60."""
+    tilt: float = 0.0
+    """Largest roll and pitch of the gates, up to 60 [deg]."""
     out: Path | None = None
     """Write it to this TOML file."""
 
     def run(self) -> int:
         """Print the gates, or write the file."""
-        track = random_track(self.seed, self.gates, self.difficulty)
+        track = random_track(self.seed, self.gates, self.difficulty, self.obstacles, math.radians(self.tilt))
         if self.out is None:
             Console().print(_gate_table(track))
         else:

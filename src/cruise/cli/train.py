@@ -17,9 +17,9 @@ from cruise.cli.progress import make_screen
 from cruise.cli.watch import Watch
 from cruise.config import TrainConfig
 from cruise.errors import CruiseError
-from cruise.presets import MAX_RANDOMISE, REWARDS, VEHICLES, training_config, training_randomisation
+from cruise.presets import MAX_RANDOMISE, REWARDS, training_config, training_randomisation
 from cruise.racing.random_track import training_track
-from cruise.vehicles import find_vehicle
+from cruise.vehicles import find_vehicle, load_vehicle
 
 MAX_EPISODES = 1_000_000
 
@@ -34,8 +34,8 @@ class Train:
     resume: Annotated[Path | None, tyro.conf.arg(metavar="RUN_DIR")] = None
     """Continue the run in this folder; its own configuration holds, and other flags of the run are refused."""
     randomise: Annotated[float | None, described("SHARE")] = None
-    """How much of what is full for the vehicle races differ by (0 to 2), before single flags such as --mass-spread; by
-    default 0 for the paper's vehicle and 0.5 for others."""
+    """Strength of the domain randomisation (0 to 2; 1 is all that a real drone may differ by); single flags such as
+    --mass-spread override it. By default 0 for the paper's vehicle and 0.5 for others."""
     reward_preset: Literal["default", "paper"] = "default"
     """Reward weights: the project's, or those printed in the paper."""
     episodes: int = 100
@@ -52,7 +52,7 @@ class Train:
     @classmethod
     def usual(cls, flags: Sequence[str]) -> "Train":
         """The defaults, which the vehicle and the number of drones that `flags` name decide."""
-        vehicle = find_vehicle(named(flags, "vehicle") or "paper").name
+        vehicle = load_vehicle(named(flags, "vehicle") or "paper")
         drones, share = named(flags, "drones") or "", named(flags, "randomise")
         config = training_config(vehicle, int(drones) if drones.isdecimal() else TrainConfig.drones)
         if share is not None:
@@ -77,7 +77,7 @@ class Train:
             raise CruiseError(f"--episodes must be between 1 and {MAX_EPISODES}, not {self.episodes}")
         folder = self.resume or self.out or default_folder(config)
         devices = choose_devices(config.ppo.races, self.devices)
-        track, vehicle = training_track(config), VEHICLES[config.vehicle]
+        track, vehicle = training_track(config), find_vehicle(config.vehicle)
         session = Session(folder, config, track, vehicle, resume=bool(self.resume), devices=devices)
         try:
             with (

@@ -84,17 +84,8 @@ def _to_go(step: StepView, weights: RewardWeights) -> tuple[Array, Array]:
     if weights.progress_to == "centre":
         before, after = (norm(step.before.gate_w() - place) for place in (step.start_w, step.end_w))
     else:
-        before, after = (to_opening(step, place, weights.edge_margin) for place in (step.start_w, step.end_w))
+        before, after = (step.before.to_opening(place, weights.edge_margin) for place in (step.start_w, step.end_w))
     return before, after
-
-
-def to_opening(step: StepView, position_w: Float[Array, "3 *B"], margin: float) -> Float[Array, "*B"]:
-    """Distance [m] to the nearest point of the opening shrunk by `margin` on every side: no point of it is better."""
-    forward, left, up = step.before.to_gate_frame(position_w - step.before.gate_w())
-    half_width, half_height = step.before.gate_half_size()
-    beside = jnp.maximum(jnp.abs(left) - jnp.maximum(half_width - margin, 0.0), 0.0)
-    above = jnp.maximum(jnp.abs(up) - jnp.maximum(half_height - margin, 0.0), 0.0)
-    return jnp.sqrt(forward**2 + beside**2 + above**2)
 
 
 def _misaligned(step: StepView) -> Float[Array, "N *B"]:

@@ -14,30 +14,20 @@ from jaxtyping import Array, Bool, Float, Int
 from cruise.dynamics.types import DroneState, Dynamics
 from cruise.env.ranks import ranks
 from cruise.env.types import RaceState
-from cruise.racing.course import Course, pick
+from cruise.geometry import from_gate, to_gate
+from cruise.racing.course import Course, Opening, target_opening
 from cruise.racing.field import opponent, opponents
 from cruise.vector import dot, norm, stored
 
 ABSENT = 1e6  # sorts an opponent that left the air behind all others [m]
 
 
-def to_gate_frame(normal_w: Float[Array, "2 *#B"], vector_w: Float[Array, "3 *#B"]) -> Float[Array, "3 *#B"]:
-    """A world vector along (forward, left, up) of a gate whose normal is (cos yaw, sin yaw)."""
-    (cos_yaw, sin_yaw), (x, y, z) = normal_w, vector_w
-    return jnp.stack([cos_yaw * x + sin_yaw * y, cos_yaw * y - sin_yaw * x, z])
-
-
-def from_gate_frame(normal_w: Float[Array, "2 *B"], vector: Float[Array, "3 *B"]) -> Float[Array, "3 *B"]:
-    """The inverse of `to_gate_frame`."""
-    (cos_yaw, sin_yaw), (forward, left, up) = normal_w, vector
-    return jnp.stack([cos_yaw * forward - sin_yaw * left, sin_yaw * forward + cos_yaw * left, up])
-
-
 def out_of_gate_frame(
     course: Course, next_gate: Int[Array, "*B"], vector: Float[Array, "3 *B"]
 ) -> Float[Array, "3 *B"]:
     """A vector along (forward, left, up) of each drone's target gate, in the world."""
-    return from_gate_frame(pick(course.normal_w, next_gate), vector)
+    gate = target_opening(course, next_gate)
+    return jnp.stack(from_gate(gate.normal_w, vector, gate.tilt))
 
 
 class Opponent(NamedTuple):
@@ -120,22 +110,21 @@ class View:
         """Which gate is the target, or so many after it."""
         return self.state.next_gate if ahead == 0 else (self.state.next_gate + ahead) % self.course.num_gates
 
+    def gate(self, ahead: int = 0) -> Opening:
+        """The target gate of every drone, or the one so many after it."""
+        return self.shared(_gate, ahead)
+
     def gate_w(self, ahead: int = 0) -> Float[Array, "3 N *B"]:
-        """Centre of the target gate, or of one after it [m]."""
-        return self.shared(_centre_w, ahead)
+        """Centre of that gate [m]."""
+        return self.gate(ahead).position_w
 
     def gate_forward_w(self, ahead: int = 0) -> Float[Array, "3 N *B"]:
         """Direction of flight through that gate."""
-        cos_yaw, sin_yaw = self.shared(_heading_w, ahead)
-        return jnp.stack([cos_yaw, sin_yaw, jnp.zeros_like(cos_yaw)])
+        return self.from_gate_frame((1.0, 0.0, 0.0), ahead)
 
     def gate_heading_w(self, ahead: int = 0) -> Float[Array, "2 N *B"]:
         """Cosine and sine of the yaw of that gate."""
-        return self.shared(_heading_w, ahead)
-
-    def gate_half_size(self, ahead: int = 0) -> Float[Array, "2 N *B"]:
-        """Half width and half height of its opening [m]."""
-        return self.shared(_half_size, ahead)
+        return self.gate(ahead).normal_w
 
     def gate_corners_b(self, ahead: int = 0) -> tuple[Float[Array, "3 N *B"], ...]:
         """From the drone to the corners of its opening, upper left, lower left, lower right, upper right [m]."""
@@ -143,9 +132,27 @@ class View:
 
     def to_gate_frame(self, vector_w: Float[Array, "3 N *B"], ahead: int = 0) -> Float[Array, "3 N *B"]:
         """A world vector, or one for each of several opponents, along (forward, left, up) of that gate."""
-        heading = self.gate_heading_w(ahead)
-        more = (1,) * (vector_w.ndim - heading.ndim)
-        return to_gate_frame(heading.reshape(2, *more, *heading.shape[1:]), vector_w)
+        gate = self.gate(ahead)
+        tilt = None if gate.tilt is None else _spread(gate.tilt, vector_w.ndim)
+        return jnp.stack(to_gate(_spread(gate.normal_w, vector_w.ndim), vector_w, tilt))
+
+    def from_gate_frame(self, vector: tuple[Any, Any, Any], ahead: int = 0) -> Float[Array, "3 N *B"]:
+        """A vector along (forward, left, up) of that gate, in the world."""
+        gate = self.gate(ahead)
+        parts = from_gate(gate.normal_w, vector, gate.tilt)
+        return jnp.stack([jnp.broadcast_to(part, self.airborne.shape) for part in parts])
+
+    def to_opening(self, position_w: Float[Array, "3 N *B"], margin: float = 0.0) -> Float[Array, "N *B"]:
+        """Distance [m] to the nearest point of the target's opening, shrunk by `margin` on every side."""
+        gate = self.gate()
+        forward, left, up = self.to_gate_frame(position_w - gate.position_w)
+        half_width, half_height = (jnp.maximum(half - margin, 0.0) for half in gate.half_size)
+        beside, above = jnp.maximum(jnp.abs(left) - half_width, 0.0), jnp.maximum(jnp.abs(up) - half_height, 0.0)
+        square = jnp.sqrt(forward**2 + beside**2 + above**2)
+        if gate.is_round is None:
+            return square
+        outside = jnp.maximum(jnp.sqrt(left**2 + up**2) - half_width, 0.0)
+        return jnp.where(gate.is_round[0], jnp.sqrt(forward**2 + outside**2), square)
 
     def opponent(self, number: int) -> Opponent:
         """Opponent `number` of every drone, 1 to N - 1: drone (i + number) mod N for drone i."""
@@ -163,23 +170,23 @@ class View:
         return Opponent(offset, motion, jnp.stack([other.present for other in others]))
 
 
-def _centre_w(view: View, ahead: int) -> Array:
-    return pick(view.course.position_w, view.gate_index(ahead))
+def _spread(table: Float[Array, "C N *B"], ndim: int) -> Array:
+    """With axes of length 1 after the first, up to so many axes."""
+    return table.reshape(table.shape[0], *(1,) * (ndim - table.ndim), *table.shape[1:])
 
 
-def _heading_w(view: View, ahead: int) -> Array:
-    return pick(view.course.normal_w, view.gate_index(ahead))
-
-
-def _half_size(view: View, ahead: int) -> Array:
-    return pick(view.course.half_size, view.gate_index(ahead))
+def _gate(view: View, ahead: int) -> Opening:
+    return target_opening(view.course, view.gate_index(ahead))
 
 
 def _corners_b(view: View, ahead: int) -> tuple[Array, ...]:
-    (cos_yaw, sin_yaw), half = view.gate_heading_w(ahead), view.gate_half_size(ahead)
+    half_width, half_height = view.gate(ahead).half_size
     centre = stored(view.to_body(view.gate_w(ahead) - view.position_w))
-    left = stored(view.to_body(jnp.stack([-sin_yaw * half[0], cos_yaw * half[0], jnp.zeros_like(sin_yaw)])))
-    up = view.rotation[2] * half[1]
+    left = stored(view.to_body(view.from_gate_frame((0.0, half_width, 0.0), ahead)))
+    if view.gate(ahead).tilt is None:
+        up = view.rotation[2] * half_height
+    else:
+        up = stored(view.to_body(view.from_gate_frame((0.0, 0.0, half_height), ahead)))
     return tuple(centre + sideways * left + upwards * up for sideways, upwards in ((1, 1), (1, -1), (-1, -1), (-1, 1)))
 
 

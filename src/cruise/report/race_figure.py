@@ -7,8 +7,8 @@ from matplotlib.patheffects import withStroke
 
 from cruise.palette import drone_colour as colour
 from cruise.report import race_charts as charts
-from cruise.report.figure_style import to_png
-from cruise.report.race_scene import INK, Scene, Style, crashes, flown, make_scene, style, tidy
+from cruise.report.figure_style import INK, Style, our_look, tidy, to_png
+from cruise.report.race_scene import Scene, crashes, flown, make_scene, style
 from cruise.storage.race_log import RaceLog
 
 GATE = "#444444"
@@ -17,6 +17,7 @@ ROUND_SECONDS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0)
 HALO = [withStroke(linewidth=2.5, foreground="white")]  # keeps writing readable on lines
 
 
+@our_look()
 def draw_race(log: RaceLog) -> bytes:
     """A PNG picture: top view, gaps, speeds and heights over the gates of the race, and the result."""
     scene = make_scene(log)
@@ -56,8 +57,8 @@ def _top_view(axes: Axes, scene: Scene) -> None:
         x, y = log.position_w[sample, drone, :2]
         axes.plot(x, y, "X", markersize=12, color=colour(drone), markeredgecolor="white", zorder=6)
     _gates_from_above(axes, log)
-    tidy(axes, f"Seen from above (rings: start; dots: every {seconds:g} s at the end; crosses: collisions)", "y [m]")
-    axes.set_xlabel("x [m]")
+    title = f"Seen from above (rings: start; dots: every {seconds:g} s at the end; crosses: collisions)"
+    tidy(axes, title, "x [m]", "y [m]")
     axes.set_aspect("equal", adjustable="datalim")
     axes.margins(0.08)
 

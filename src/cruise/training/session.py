@@ -18,8 +18,8 @@ from cruise.storage.checkpoint import CURRENT, load_checkpoint, save_checkpoint
 from cruise.storage.config_file import load_config, save_config
 from cruise.storage.policy_file import PolicyMeta, read_meta, save_policy
 from cruise.training import hosts
-from cruise.training.beginning import first_state
 from cruise.training.curriculum import Phase
+from cruise.training.initial_state import initial_state
 from cruise.training.metrics_log import MetricsLog, metrics_row
 from cruise.training.trainer import Progress, Trainer, TrainingDiverged
 from cruise.training.types import TrainState
@@ -93,7 +93,7 @@ class Session:
             raise CruiseError(
                 f"{self.folder} holds a run already: go on with {self.resume_command}, or choose another --out"
             )
-        state = first_state(self.trainer)
+        state = initial_state(self.trainer)
         if self.config.start_from:
             self.steps_before = read_meta(self.config.start_from).all_steps
         self._write_checkpoint(state, 0.0, 0)

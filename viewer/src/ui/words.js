@@ -18,7 +18,12 @@ export function describe(race, { kind, drone, gate, other }) {
   if (kind === "crossing") return `${who} passes gate ${gate + 1}`;
   if (kind === "missed_gate") return `${who} misses gate ${gate + 1}`;
   if (kind === "finish") return `${who} finishes${place(race, drone)}`;
-  return `${who} ${CRASHES[kind] ?? kind.replaceAll("_", " ")}${gate >= 0 ? ` ${gate + 1}` : ""}`;
+  return `${who} ${CRASHES[kind] ?? named(kind)}${gate >= 0 ? ` ${gate + 1}` : ""}`;
+}
+
+/** "hits a pole" of a collision with a solid; a kind that this page has no words for by its name. */
+function named(kind) {
+  return kind.replace(/^collision_/, "hits a ").replaceAll("_", " ");
 }
 
 function place(race, drone) {
