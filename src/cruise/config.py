@@ -356,6 +356,7 @@ class TrainConfig:
     collision_distance: float = 0.4  # Distance at which two drones collide in training [m].
     checkpoint_seconds: float = 30.0  # Time between checkpoints [s].
     reward: RewardWeights = field(default_factory=RewardWeights)
+    reward_terms: tuple[str, ...] = ()  # Names of more reward terms, of --terms files; all that those declare.
     ppo: PPOConfig = field(default_factory=PPOConfig)
     opponents: SelfPlayConfig = field(default_factory=SelfPlayConfig)
     randomisation: Randomisation = field(default_factory=Randomisation)

@@ -10,7 +10,6 @@ from typing import Any, Literal, NamedTuple
 
 from cruise.errors import CruiseError
 
-Frame = Literal["world", "gate", "body"]
 FRAMES = {
     "world": "x, y, z up",
     "gate": "forward, left, up of the target gate",
@@ -28,7 +27,7 @@ class Entry:
     quantity: str  # in words
     unit: str = ""  # of the quantity, before it is divided
     scale: float = 1.0
-    frame: Frame = "world"
+    frame: str = "world"  # one of FRAMES
     low: float = -LIMIT
     high: float = LIMIT
 
@@ -93,7 +92,6 @@ class Observation:
         return Observation(name, lambda setting: (*self.terms_for(setting), *terms), self.action_frame, about)
 
 
-Phase = Literal["flight", "passing", "interaction"]
 PHASES = {
     "flight": "at every step but those that pass a gate",
     "passing": "at the steps that pass a gate",
@@ -110,7 +108,7 @@ class RewardTerm:
     """
 
     name: str
-    phase: Phase
+    phase: str  # one of PHASES
     weight: float | Callable[[Any], Any]
     fn: Callable[[Any], Any] = field(repr=False)
     meaning: str = ""  # in words, or as an equation

@@ -42,6 +42,8 @@ class LineUp:
     vehicle: Annotated[str | None, described("NAME|FILE")] = None
     """What all of them fly: a built-in vehicle (`cruise vehicles` lists them), or path of a TOML file. By default what
     the pilots were made for, or paper."""
+    terms: Annotated[tuple[Path, ...], tyro.conf.UseAppendAction, described("FILE.py")] = ()
+    """Python file that declares observations of your own, which a policy observes by; its code is run. Repeatable."""
     randomise: Annotated[float, described("SHARE")] = 0.0
     """Strength of the domain randomisation: 0 is off, 1 is all that a real drone may differ by, 2 the most."""
     simulator: Annotated[str, described("NAME")] = OUR_SIMULATOR
@@ -52,9 +54,11 @@ class LineUp:
     def match(self, laps: int | None = None) -> "Match":
         """The match that the flags describe. Raises CruiseError where they do not go together."""
         from cruise.evaluation.matches import make_match  # noqa: PLC0415  (imports JAX)
+        from cruise.pilots.terms_file import load_all_terms  # noqa: PLC0415
 
         if self.policy is not None and self.pilot:
             raise CruiseError("--policy flies every drone and --pilot one of them: give one or the other")
+        load_all_terms(self.terms)
         choices = [self.policy] if self.policy is not None else list(self.pilot)
         metas = _metas(choices)
         track = load_track(self.track) if self.track is not None else usual_track(*metas[:1])

@@ -13,7 +13,7 @@ from cruise.env.reward import reward_terms
 from cruise.env.step_view import StepView
 from cruise.env.types import Rules, StepOutcome
 from cruise.errors import CruiseError
-from cruise.terms import Phase, RewardTerm
+from cruise.terms import RewardTerm
 
 ADDED = ("terminal", "clip")  # what is no term: the price of a crash, and what the clip takes or gives
 
@@ -39,7 +39,7 @@ class Reward:
         """Of all that the reward is the sum of."""
         return (*(term.name for term in self.terms), *ADDED)
 
-    def of_phase(self, phase: Phase) -> list[str]:
+    def of_phase(self, phase: str) -> list[str]:
         """Names of the terms of a phase."""
         return [term.name for term in self.terms if term.phase == phase]
 
@@ -52,7 +52,7 @@ class Reward:
     ) -> Float[Array, "N *B"]:
         """Sum and clip; a passed gate replaces the terms of flight, the end of an episode replaces everything."""
 
-        def summed(phase: Phase) -> Array:
+        def summed(phase: str) -> Array:
             return _sum((components[name] for name in self.of_phase(phase)), passed.shape)
 
         reward = jnp.where(passed, summed("passing"), summed("flight")) + summed("interaction")
@@ -66,6 +66,27 @@ class Reward:
         terms = {term.name: jnp.where(counts[term.phase], outcome.components[term.name], 0.0) for term in self.terms}
         left = outcome.reward - _sum(terms.values(), ended.shape)
         return terms | {"terminal": jnp.where(ended, left, 0.0), "clip": jnp.where(ended, 0.0, left)}
+
+
+REWARD_TERMS: dict[str, RewardTerm] = {}  # of users, by name
+
+
+def add_reward_term(term: RewardTerm) -> None:
+    """Make a term known by its name. Raises CruiseError where the reward has one of this name already."""
+    make_reward(RewardWeights(), (term,))
+    REWARD_TERMS[term.name] = term
+
+
+def find_reward_terms(names: Iterable[str]) -> tuple[RewardTerm, ...]:
+    """The terms of these names. Raises CruiseError where one is not known."""
+    for name in names:
+        if name not in REWARD_TERMS:
+            known = f"; known are {', '.join(REWARD_TERMS)}" if REWARD_TERMS else ""
+            raise CruiseError(
+                f"unknown reward term {name!r}{known}: give the file that declares it (--terms FILE.py, or "
+                "cruise.load_terms)"
+            )
+    return tuple(REWARD_TERMS[name] for name in names)
 
 
 def make_reward(weights: RewardWeights, more: tuple[RewardTerm, ...] = ()) -> Reward:
