@@ -30,7 +30,7 @@ def load_terms(path: StrPath) -> Declared:
     """Run a file and make its observations and reward terms known by their names, in this process.
 
     Args:
-        path: of a Python file that declares `OBSERVATIONS = [Observation(...)]`, `REWARDS = [RewardTerm(...)]`, or both.
+        path: of a Python file with `OBSERVATIONS = [Observation(...)]`, `REWARDS = [RewardTerm(...)]`, or both.
 
     Raises:
         CruiseError: there is no such file, it cannot be run, it declares neither, or a name is taken.
