@@ -123,8 +123,8 @@ def set_up(options: RaceOptions, everybody_learns: bool) -> Setup:
 @functools.lru_cache(maxsize=16)
 def _race_env(*choices: Any) -> RaceEnv:
     """The same environment for the same choices and known observations, so that nothing is compiled twice."""
-    *where, weights, more, _ = choices
-    return make_race_env(*where, make_reward(weights, more))
+    track, drones, vehicle, observation, weights, more, _ = choices
+    return make_race_env(track, drones, vehicle, observation, make_reward(weights, more))
 
 
 def _chosen(options: RaceOptions) -> tuple[Vehicle, RewardWeights, Stage, float]:
