@@ -11,8 +11,9 @@ import numpy as np
 from cruise import __version__
 from cruise.config import Track
 from cruise.dynamics import cascade
-from cruise.env import observation as env
 from cruise.env import observation_body as body
+from cruise.env import observation_extended as env
+from cruise.env import observation_paper as paper
 from cruise.export.ports import airframe_of
 from cruise.export.recording import Recording
 from cruise.pilots.network import Perceptron
@@ -96,7 +97,7 @@ def _by_acceleration(policy: Policy, track: Track) -> dict[str, Any]:
     """What is the paper's vehicle's own."""
     meta = policy.meta
     gains = vars(find_vehicle(meta.vehicle).controller)
-    scales = {name: getattr(env, name) for name in SCALES}
+    scales = {name: getattr(paper if hasattr(paper, name) else env, name) for name in SCALES}
     scales |= {name: getattr(cascade, name) for name in ("RATE_SCALE", "AGILITY_SCALE")}
     return {name: literal(value) for name, value in (gains | scales).items()} | {
         "flown": "acceleration",

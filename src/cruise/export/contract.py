@@ -1,18 +1,18 @@
 """What goes into an exported policy and what comes out, and the environment that it is compared in."""
 
+import dataclasses
 from typing import Any
 
 import jax
 
 from cruise.config import Track
 from cruise.env.observation_body import NOTICE
-from cruise.env.observation_layout import observation_layout
 from cruise.env.race_env import RaceEnv, make_race_env
 from cruise.errors import CruiseError
 from cruise.export.ports import airframe_of, command_ports, network_action, observation_port, state_ports
 from cruise.storage.onnx_file import FORMAT_VERSION, Contract, ExportedGate, Interface, ObservationEntry
 from cruise.storage.policy_file import Policy
-from cruise.vehicles import find_vehicle, name_of
+from cruise.vehicles import find_vehicle
 
 OBSERVATIONS = {  # that are rebuilt, by what an action means
     "acceleration": ("extended", "paper"),
@@ -48,10 +48,10 @@ def make_contract(policy: Policy, track: Track, env: RaceEnv, interface: Interfa
     """The contract of a policy."""
     meta = policy.meta
     size = int(policy.params.actor.layers[0].in_features)
-    layout = observation_layout(meta.observation, meta.drones, len(track.gates), name_of(meta.vehicle), size)
+    layout = env.layout(meta.observation)
     entries, first = [], 0
     for entry in layout:
-        entries.append(ObservationEntry(first=first, **entry._asdict()))
+        entries.append(ObservationEntry(first=first, **dataclasses.asdict(entry)))
         first += entry.size
     assert first == size
     return Contract(

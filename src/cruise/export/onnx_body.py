@@ -6,8 +6,10 @@ import numpy as np
 
 from cruise.config import Airframe
 from cruise.env import observation_body as env
+from cruise.env.view import ABSENT
 from cruise.export.onnx_state import StateInputs, gate_ahead, heading_of, nearest_first, noticed, pick
 from cruise.export.onnx_values import Graph, Value
+from cruise.terms import LIMIT
 
 CORNERS = ((1.0, 1.0), (1.0, -1.0), (-1.0, -1.0), (-1.0, 1.0))  # left, up
 
@@ -25,7 +27,7 @@ def body(g: Graph, state: StateInputs, airframe: Airframe, notice: float) -> Val
         g.part(state.position, 2, 3) / env.HEIGHT_RANGE,
         g.shaped(opponents if math.isinf(notice) else _faded(g, opponents, notice), 0, -1),
     ]
-    return g.clip(g.join(parts), -env.LIMIT, env.LIMIT)
+    return g.clip(g.join(parts), -LIMIT, LIMIT)
 
 
 def command(g: Graph, action: Value, airframe: Airframe, agility: float) -> tuple[Value, Value]:
@@ -74,8 +76,8 @@ def _opponents(g: Graph, state: StateInputs, turn: Value) -> Value:
     present = separation * 0.0 + 1.0
     features = g.join([offset @ turn / env.OPPONENT_RANGE, motion @ turn / env.SPEED_RANGE, present], axis=2)
     seen = g.join([g.node("Where", here, features, features * 0.0, kind=np.float32), nobody])
-    far = g.join([zero + env.ABSENT] * env.NEAREST)
-    ranked = g.join([g.node("Where", here, separation, separation * 0.0 + env.ABSENT, kind=np.float32), far])
+    far = g.join([zero + ABSENT] * env.NEAREST)
+    ranked = g.join([g.node("Where", here, separation, separation * 0.0 + ABSENT, kind=np.float32), far])
     return nearest_first(g, ranked, seen, g.constant(np.array([env.NEAREST], np.int64)))
 
 

@@ -3,9 +3,12 @@
 import numpy as np
 
 from cruise.dynamics.cascade import AGILITY_SCALE, RATE_SCALE
-from cruise.env import observation as env
+from cruise.env import observation_extended as env
+from cruise.env import observation_paper as printed
+from cruise.env.view import ABSENT
 from cruise.export.onnx_state import StateInputs, gate_ahead, heading_of, nearest_first, noticed, pick
 from cruise.export.onnx_values import Graph, Value
+from cruise.terms import LIMIT
 
 
 def gate_rotation(g: Graph, state: StateInputs) -> Value:
@@ -35,12 +38,12 @@ def extended(g: Graph, state: StateInputs, agility: float) -> Value:
     time = g.clip(-g.part(place, 0, 1) / g.largest(g.part(velocity, 0, 1), env.MIN_CLOSING_SPEED), 0.0, env.LOOK_AHEAD)
     parts = [
         place / env.GATE_RANGE,
-        distance / env.DISTANCE_MAX,
-        to_second / env.DISTANCE_MAX,
-        to_third / env.DISTANCE_MAX,
+        distance / printed.DISTANCE_MAX,
+        to_second / printed.DISTANCE_MAX,
+        to_third / printed.DISTANCE_MAX,
         g.part(normal, 0, 2),
         velocity / env.SPEED_RANGE,
-        -g.dot(velocity, place) / (distance + env.EPSILON) / env.SPEED_RANGE,
+        -g.dot(velocity, place) / (distance + printed.EPSILON) / env.SPEED_RANGE,
         g.part(state.position, 2, 3) / env.HEIGHT_RANGE,
         (g.part(place, 1, 3) + g.part(velocity, 1, 3) * time) / 2.0,
         time / env.LOOK_AHEAD,
@@ -50,7 +53,7 @@ def extended(g: Graph, state: StateInputs, agility: float) -> Value:
     ]
     if state.others_position is not None:
         parts.append(_nearest_first(g, state, rotation))
-    return g.clip(g.join(parts), -env.LIMIT, env.LIMIT)
+    return g.clip(g.join(parts), -LIMIT, LIMIT)
 
 
 def _felt(g: Graph, state: StateInputs) -> list[Value]:
@@ -84,9 +87,9 @@ def _nearest_first(g: Graph, state: StateInputs, rotation: Value) -> Value:
         axis=2,
     )
     here = g.expand(state.others_airborne, 2)
-    features = noticed(g, separation, env.NOTICE) * g.clip(features, -env.LIMIT, env.LIMIT)
+    features = noticed(g, separation, env.NOTICE) * g.clip(features, -LIMIT, LIMIT)
     seen = g.node("Where", here, features, 0.0 * features, kind=np.float32)
-    ranked = g.node("Where", here, separation, 0.0 * separation + env.ABSENT, kind=np.float32)
+    ranked = g.node("Where", here, separation, 0.0 * separation + ABSENT, kind=np.float32)
     everybody = g.part(g.node("Shape", seen, kind=np.int64), 1, 2, axis=0)
     return g.shaped(nearest_first(g, ranked, seen, everybody), 0, -1)
 
@@ -100,12 +103,12 @@ def paper(g: Graph, state: StateInputs, num_gates: int) -> Value:
     numbers = g.constant(np.arange(num_gates, dtype=np.int64)[None])
     one_hot = g.node("Cast", g.node("Equal", g.expand(state.next_gate, 1), numbers), kind=np.float32, to=1)
     parts = [
-        to_gate / env.DISTANCE_MAX,
-        distance / env.DISTANCE_MAX,
-        state.velocity / env.SPEED_MAX,
-        g.dot(state.velocity, to_gate) / (distance + env.EPSILON) / env.SPEED_MAX,
+        to_gate / printed.DISTANCE_MAX,
+        distance / printed.DISTANCE_MAX,
+        state.velocity / printed.SPEED_MAX,
+        g.dot(state.velocity, to_gate) / (distance + printed.EPSILON) / printed.SPEED_MAX,
         one_hot,
-        state.position / env.DISTANCE_MAX,
+        state.position / printed.DISTANCE_MAX,
         g.node("Sin", turned),
         g.node("Cos", turned),
     ]
@@ -114,7 +117,7 @@ def paper(g: Graph, state: StateInputs, num_gates: int) -> Value:
         offset = state.others_position - g.expand(state.position, 1)
         here = g.expand(state.others_airborne, 2)
         offset = g.node("Where", here, offset, 0.0 * offset, kind=np.float32)
-        separation = g.norm(offset) / env.DISTANCE_MAX
+        separation = g.norm(offset) / printed.DISTANCE_MAX
         far = g.node("Where", here, separation, 0.0 * separation + 1.0, kind=np.float32)
-        parts += [g.shaped(offset / env.DISTANCE_MAX, 0, -1), g.shaped(far, 0, -1)]
+        parts += [g.shaped(offset / printed.DISTANCE_MAX, 0, -1), g.shaped(far, 0, -1)]
     return g.clip(g.join(parts), -1.0, 1.0)

@@ -6,7 +6,7 @@ import jax
 import numpy as np
 
 from cruise.config import TrainConfig
-from cruise.env.observation import FOR_ANY_FIELD
+from cruise.env.observation import alike
 from cruise.errors import CruiseError
 from cruise.pilots.network import ActorCritic
 from cruise.storage.policy_file import read_meta, read_policy
@@ -25,7 +25,7 @@ def initial_state(trainer: Trainer) -> TrainState:
     state, config = trainer.initial_state(), trainer.config
     model, pool, league = state.model, state.opponents, state.league
     if config.start_from:
-        model = _fitting(config.start_from, config, state.model, _read_alike(config.observation))
+        model = _fitting(config.start_from, config, state.model, alike(config.observation))
         _require_same_critic(config)
         pool = pool._replace(newest=model, previous=model)
     if config.against:
@@ -44,11 +44,6 @@ def _require_same_critic(config: TrainConfig) -> None:
     if before != config.critic_observation:
         told = f"give --critic-observation {before}" if before else "leave out --critic-observation"
         raise CruiseError(f"the value network of policy {config.start_from!r} saw another observation: {told}")
-
-
-def _read_alike(observation: str) -> frozenset[str]:
-    """Observations that a policy could learn to read as well: the same numbers, though some may fade."""
-    return FOR_ANY_FIELD if observation in FOR_ANY_FIELD else frozenset({observation})
 
 
 def _fitting(name: str, config: TrainConfig, model: ActorCritic, kinds: Collection[str]) -> ActorCritic:

@@ -11,6 +11,7 @@ from jax.sharding import NamedSharding, PartitionSpec
 from jaxtyping import Array, UInt32
 
 from cruise.config import Track, TrainConfig, Vehicle
+from cruise.env.payment import find_reward_terms, make_reward
 from cruise.env.race_env import RaceEnv, make_race_env
 from cruise.env.randomise import made_for, perturbation
 from cruise.env.types import RaceState, Rules, stage_rules
@@ -69,7 +70,8 @@ class Trainer:
         self.total_steps = self.total_updates * self.steps_per_update
         vehicle = made_for(vehicle, config.randomisation)
         perturb = perturbation(track, vehicle, config.randomisation, config.milder_share, config.nominal_share)
-        self.env: RaceEnv = make_race_env(track, config.drones, vehicle, config.observation, config.reward, perturb)
+        reward = make_reward(config.reward, find_reward_terms(config.reward_terms))
+        self.env: RaceEnv = make_race_env(track, config.drones, vehicle, config.observation, reward, perturb)
         self.optimiser = make_optimiser(config.ppo, self.total_updates)
         self.mesh = make_mesh(devices or choose_devices(config.ppo.races))
         if config.opponents.league and config.ppo.races // self.mesh.size % SHARES:
