@@ -16,7 +16,7 @@ needs_compiler = pytest.mark.skipif(compiler() is None, reason="no C compiler he
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_compiled_header_does_as_the_policy(kind, exporters, tmp_path):
     exporter = exporters(kind)
-    header = c_header(exporter.policy, exporter.track, exporter.recording)
+    header = c_header(exporter.policy, exporter.track, exporter.env, exporter.recording)
     run = run_header(header, prefix_of(exporter.policy), exporter.recording, tmp_path)
     assert np.abs(run.action - exporter.recording.outputs["action"]).max() <= 1e-5
     names = ("thrust", "body_rates_b") if kind in AGILE else ("acceleration_w",)
@@ -28,12 +28,12 @@ def test_the_compiled_header_does_as_the_policy(kind, exporters, tmp_path):
 @needs_compiler
 def test_the_self_test_finds_a_fault(exporters, tmp_path):
     exporter = exporters("alone")
-    header = c_header(exporter.policy, exporter.track, exporter.recording)
+    header = c_header(exporter.policy, exporter.track, exporter.env, exporter.recording)
     prefix = prefix_of(exporter.policy)
-    wrong = header.replace("hidden_0[i] = tanhf(hidden_0[i])", "hidden_0[i] = hidden_0[i]")
+    wrong = header.replace("tanhf(", "(")
     assert wrong != header
     assert run_header(wrong, prefix, exporter.recording, tmp_path).self_test > 1e-2
-    infinite = header.replace("float sum = bias[r];", "float sum = bias[r] * (float)NAN;")
+    infinite = header.replace("float sum = 0.0f;", "float sum = (float)NAN;")
     assert np.isnan(run_header(infinite, prefix, exporter.recording, tmp_path).self_test)
 
 

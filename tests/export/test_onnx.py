@@ -233,11 +233,8 @@ def test_nothing_is_written_where_the_model_does_something_else(exporters, tmp_p
 def test_policies_that_cannot_be_exported():
     shipped = policy_of("shipped")
     for change, message in (
-        (
-            {"vehicle": "racer"},
-            "policy 'ring-4' flies vehicle 'racer' by the observation 'extended'; exported can be body",
-        ),
-        ({"observation": "body"}, "vehicle 'paper' by the observation 'body'; exported can be extended and paper"),
+        ({"vehicle": "racer"}, "gives 3 numbers, but this vehicle's action has 4"),
+        ({"observation": "body"}, "reads 56 numbers, but the 'body' observation has 58"),
         ({"drones": 2}, "reads 56 numbers, but the 'extended' observation has 38"),
     ):
         policy = dataclasses.replace(shipped, meta=dataclasses.replace(shipped.meta, **change))

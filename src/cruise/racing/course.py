@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from cruise.config import Track
+from cruise.vector import is_plain
 
 
 class Course(NamedTuple):
@@ -43,6 +44,8 @@ def make_course(track: Track) -> Course:
 def pick(table: Float[Array, "C G *R"], gate: Int[Array, "*B"]) -> Float[Array, "C *B"]:
     """Columns of `table` at `gate`, axes R the last of B. A sum over selects: it vectorises where a gather does not."""
     races = table.shape[2:]
+    if is_plain() and not races:
+        return table.take(gate, axis=1, mode="clip")
     ones = (1,) * (gate.ndim - len(races))
     columns = [table[:, g].reshape(-1, *ones, *races) for g in range(table.shape[1])]
     picked = jnp.broadcast_to(columns[0], (table.shape[0], *gate.shape))
