@@ -79,7 +79,7 @@ class Arrays:
         if not self.is_open(atom):
             return np.broadcast_to(given, _known(atom.shape))
         (size,) = (full for full, here in zip(_known(atom.shape), given.shape, strict=True) if full != here)
-        name = self.filled(size, [one for one in given.flat])
+        name = self.filled(size, list(given.flat))
         return _objects([_element(name, i, atom.dtype) for i in range(size)], _known(atom.shape))
 
     def filled(self, size: int, nodes: Sequence[Node]) -> str:
@@ -150,9 +150,9 @@ def _element(name: str, place: int, kind: np.dtype) -> Node:
 Rule = Callable[[Arrays, Equation], Any]
 
 
-def _map(arrays: list[np.ndarray], function: Callable[..., Node]) -> np.ndarray:
-    result: np.ndarray = np.asarray(np.frompyfunc(function, len(arrays), 1)(*arrays), object)
-    return result
+def _map(arrays: Sequence[Any], function: Callable[..., Node]) -> np.ndarray:
+    result = np.frompyfunc(function, len(arrays), 1)(*arrays)
+    return np.asarray(result, object)
 
 
 def _elementwise(operator: str) -> Rule:
@@ -176,7 +176,12 @@ def _float(operator: str, *inputs: Node) -> Node:
     return node(operator, FLOAT, *inputs)
 
 
-ONE = number(1.0, FLOAT)
+ONE, ZERO = number(1.0, FLOAT), number(0.0, FLOAT)
+
+
+def _sign(x: Node) -> Node:
+    below = node("select", FLOAT, node("lt", BOOL, x, ZERO), ZERO, number(-1.0, FLOAT))
+    return node("select", FLOAT, node("gt", BOOL, x, ZERO), below, ONE)
 
 
 def _power(run: Arrays, equation: Equation) -> np.ndarray:
@@ -263,7 +268,7 @@ def _along(run: Arrays, atom: Atom, axis: int) -> np.ndarray:
 
 def _level(arrays: list[np.ndarray], axis: int) -> list[np.ndarray]:
     """Broadcast along every other axis."""
-    shape = np.broadcast_shapes(*(array.shape[:axis] + (1,) + array.shape[axis + 1 :] for array in arrays))
+    shape = np.broadcast_shapes(*((*array.shape[:axis], 1, *array.shape[axis + 1 :]) for array in arrays))
     return [np.broadcast_to(a, (*shape[:axis], a.shape[axis], *shape[axis + 1 :])) for a in arrays]
 
 
@@ -288,13 +293,13 @@ def _product(run: Arrays, equation: Equation) -> np.ndarray:
         if isinstance(matrix, np.ndarray) and matrix.ndim == 2 and vector.ndim == 1 and matrix.size > WRITTEN_OUT:
             return _by_function(run, matrix if axis == 1 else matrix.T, vector)
     a, b = np.moveaxis(run.closed(left), contracted[0][0], -1), np.moveaxis(run.closed(right), contracted[1][0], 0)
-    rows = [_map([a[..., k].reshape(*a.shape[:-1], *(1,) * (b.ndim - 1)), b[k]], functools.partial(_float, "mul"))
+    rows = [_map([np.asarray(a[..., k], object).reshape((*a.shape[:-1], *(1,) * (b.ndim - 1))), b[k]], functools.partial(_float, "mul"))
             for k in range(a.shape[-1])]  # fmt: skip
     return functools.reduce(lambda one, other: _map([one, other], functools.partial(_float, "add")), rows)
 
 
 def _by_function(run: Arrays, matrix: np.ndarray, vector: Atom) -> np.ndarray:
-    source = run.filled(_known(vector.shape)[0], [one for one in run.array(vector).flat])
+    source = run.filled(_known(vector.shape)[0], list(run.array(vector).flat))
     name = f"v{len(run.arrays)}"
     run.arrays[name] = Product(name, run.table(matrix), matrix.shape, run.arrays[source])
     if len(matrix) <= WRITTEN_OUT // 8:
@@ -380,6 +385,8 @@ RULES: dict[str, Rule] = {
     "logistic": _composed(lambda x: _float("div", ONE, _float("add", ONE, _float("exp", _float("neg", x))))),
     "rsqrt": _composed(lambda x: _float("div", ONE, _float("sqrt", x))),
     "square": _composed(lambda x: _float("mul", x, x)),
+    "sign": _composed(_sign),
+    "rev": lambda run, equation: np.flip(run.closed(equation.inputs[0]), equation.params["dimensions"]),
     "clamp": _composed(lambda low, x, high: _float("min", _float("max", x, low), high)),
     "integer_pow": _power,
     "select_n": _elementwise("select"),

@@ -173,7 +173,7 @@ class Text(NamedTuple):
         return self.text if self.binds >= binds else f"({self.text})"
 
 
-def written(one: Node, inputs: list[Text], prefix: str) -> Text:
+def written(one: Node, inputs: list[Text], prefix: str) -> Text:  # noqa: PLR0911  (one for each kind of operator)
     """The text of an expression, given those of its inputs."""
     operator = one.operator
     if operator == "constant":

@@ -5,6 +5,8 @@ from importlib import resources
 from string import Template
 from typing import Any
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 
 from cruise import __version__
@@ -16,7 +18,7 @@ from cruise.export.c_expressions import BOOL, FLOAT, INT, leaf, literal
 from cruise.export.c_printer import statements
 from cruise.export.parts import Parts, make_parts
 from cruise.export.pilot_program import make_model, ports_of, shapes_of_one
-from cruise.export.ports import Sizes, commands_of
+from cruise.export.ports import OWN, Sizes, commands_of
 from cruise.export.program import trace
 from cruise.export.recording import Recording
 from cruise.storage.onnx_file import Port, first_action
@@ -40,7 +42,7 @@ def c_header(policy: Policy, track: Track, env: RaceEnv, recording: Recording) -
     """
     meta, prefix, commands = policy.meta, prefix_of(policy), commands_of(env)
     ports = {port.name: port for port in make_model(policy, env, "state").inputs}
-    own = [port for port in ports.values() if port.name in OWN]
+    own = [port for port in OWN if port.name in ports]
     rows = sample_rows(recording)
     arrays = Arrays(prefix)
     bodies = _bodies(policy, env, arrays, ports)
@@ -59,7 +61,7 @@ def c_header(policy: Policy, track: Track, env: RaceEnv, recording: Recording) -
         "drones": meta.drones,
         "others": meta.drones - 1,
         "order": "in any order; airborne = 0 where there are fewer"
-        if "any" in getattr(ports.get("others_position_w"), "meaning", "")
+        if "any" in str(ports.get("others_position_w"))
         else "own number + 1 first and around",
         "gates": len(track.gates),
         "observation": policy.params.actor.layers[0].in_features,
@@ -82,9 +84,6 @@ def c_header(policy: Policy, track: Track, env: RaceEnv, recording: Recording) -
     return Template(text).substitute(words | {name: "\n".join(lines) for name, lines in bodies.items()})
 
 
-OWN = ("position_w", "velocity_w", "euler", "attitude", "angular_velocity_b")  # of a state, where a vehicle has it
-
-
 def _said(port: Port) -> str:
     return f"{port.meaning} [{port.unit}]" if port.unit else port.meaning
 
@@ -101,7 +100,7 @@ def _bodies(policy: Policy, env: RaceEnv, arrays: Arrays, ports: dict[str, Port]
     given = ports_of(policy, env, Sizes(meta.drones - 1, int(gates) if gates.isdigit() else gates))
     state = shapes_of_one(given)
     size, actions = policy.params.actor.layers[0].in_features, env.dynamics.action_size
-    seen, said = (_shaped(number) for number in (size, actions))
+    seen, said = (jax.ShapeDtypeStruct((number,), np.float32) for number in (size, actions))
     functions = {
         "observe": (lambda values: {"observation": parts.observe(values)}, state),
         "network": (lambda values: {"action": parts.network(values["observation"])}, {"observation": seen}),
@@ -119,15 +118,7 @@ def _bodies(policy: Policy, env: RaceEnv, arrays: Arrays, ports: dict[str, Port]
     }
 
 
-def _shaped(size: int) -> Any:
-    import jax
-
-    return jax.ShapeDtypeStruct((size,), np.float32)
-
-
 def _commanded(parts: Parts, values: dict[str, Any], name: str) -> dict[str, Any]:
-    import jax.numpy as jnp
-
     commanded = parts.command(values, values["action"])
     return {name: jnp.concatenate([jnp.atleast_1d(value) for value in commanded.values()])}
 
@@ -211,7 +202,7 @@ def sample_rows(recording: Recording) -> list[str]:
 def state_initialiser(recording: Recording, row: int) -> str:
     """One recorded state."""
     inputs = recording.inputs
-    fields = [braces(inputs[name][row]) for name in OWN if name in inputs]
+    fields = [braces(inputs[port.name][row]) for port in OWN if port.name in inputs]
     fields.append(str(int(inputs["next_gate"][row])))
     if "others_airborne" in inputs:
         others = zip(*(inputs[f"others_{name}"][row] for name in ("position_w", "velocity_w", "airborne")), strict=True)

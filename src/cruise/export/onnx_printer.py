@@ -45,7 +45,6 @@ class Graph:
 
     def constant(self, value: np.ndarray) -> str:
         """The name of a constant."""
-        value = np.asarray(value)
         key = (value.dtype.str, value.shape, value.tobytes())
         if key not in self.made:
             self.made[key] = name = f"constant_{len(self.constants)}"
@@ -60,7 +59,7 @@ class Graph:
         """What stands for a variable or constant."""
         if isinstance(atom, Var):
             return self.tensors[atom]
-        small = atom[(slice(1),) * atom.ndim] if atom.size and (atom == atom.flat[0]).all() else atom
+        small = np.asarray(atom[(slice(1),) * atom.ndim]) if atom.size and (atom == atom.flat[0]).all() else atom
         return Tensor(self.constant(small), small.shape)
 
     def keep(self, var: Var, name: str, shape: Sequence[Any] | None = None) -> None:
@@ -197,6 +196,26 @@ def _square(graph: Graph, equation: Equation) -> None:
     graph.keep(equation.outputs[0], graph.node("Mul", tensor.name, tensor.name), tensor.shape)
 
 
+def _arctangent(graph: Graph, equation: Equation) -> None:
+    """Of two numbers, from the arctangent of their quotient."""
+    y, x = (graph.tensor(atom).name for atom in equation.inputs)
+    zero, half, whole = (graph.constant(np.array(value, np.float32)) for value in (0.0, np.pi / 2, np.pi))
+    below = graph.node("Less", y, zero)
+    straight = graph.node("Atan", graph.node("Div", y, x))
+    behind = graph.node("Where", below, graph.node("Sub", straight, whole), graph.node("Add", straight, whole))
+    aside = graph.node("Mul", graph.node("Sign", y), half)
+    name = graph.node("Where", graph.node("Less", x, zero), behind, aside)
+    name = graph.node("Where", graph.node("Greater", x, zero), straight, name)
+    graph.keep(equation.outputs[0], name, _joint([graph.tensor(atom) for atom in equation.inputs]))
+
+
+def _reverse(graph: Graph, equation: Equation) -> None:
+    axes, name = equation.params["dimensions"], graph.whole(equation.inputs[0])
+    last = graph.integers(*[-1] * len(axes))
+    far = graph.integers(*[np.iinfo(np.int64).min] * len(axes))
+    graph.keep(equation.outputs[0], graph.node("Slice", name, last, far, graph.integers(*axes), last))
+
+
 def _cast(graph: Graph, equation: Equation) -> None:
     (atom,), (var,) = equation.inputs, equation.outputs
     tensor = graph.tensor(atom)
@@ -304,25 +323,38 @@ def _reduce(operator: str, in_input: bool = False) -> Rule:
 
 
 def _product(graph: Graph, equation: Equation) -> None:
-    """A matrix by a vector, or by as many as there are."""
-    ((left,), (right,)), batch = equation.params["dimension_numbers"][0], equation.params["dimension_numbers"][1]
-    if batch != ((), ()) or max(len(atom.shape) for atom in equation.inputs) > 2:
-        raise CruiseError("a product of more than two axes cannot be exported to ONNX")
-    names = []
-    for atom, contracted, wanted in zip(equation.inputs, (left, right), (-1, 0), strict=True):
-        name = graph.whole(atom)
-        if len(atom.shape) == 2 and contracted != wanted % 2:
-            name = graph.node("Transpose", name, perm=[1, 0])
-        names.append(name)
-    graph.keep(equation.outputs[0], graph.node("MatMul", *names))
+    """A matrix by a vector as MatMul, which is fast; by letters what has more axes."""
+    (contracted, batch), atoms = equation.params["dimension_numbers"], equation.inputs
+    names = [graph.whole(atom) for atom in atoms]
+    if batch == ((), ()) and max(atom.ndim for atom in atoms) <= 2 and len(contracted[0]) == 1:
+        turned = [
+            _turned(graph, name, (1, 0)) if atom.ndim == 2 and axis != last else name
+            for name, atom, (axis,), last in zip(names, atoms, contracted, (1, 0), strict=True)
+        ]
+        graph.keep(equation.outputs[0], graph.node("MatMul", *turned))
+        return
+    letters = iter("abcdefghijklmnopqrstuvwxyz")
+    left, right = ([""] * atom.ndim for atom in atoms)
+    for i, j in (*zip(*batch, strict=True), *zip(*contracted, strict=True)):
+        left[i] = right[j] = next(letters)
+    left, right = ([letter or next(letters) for letter in side] for side in (left, right))
+    shared = [left[i] for i in batch[0]]
+    free = [
+        letter
+        for side, gone, both in ((left, contracted[0], batch[0]), (right, contracted[1], batch[1]))
+        for axis, letter in enumerate(side)
+        if axis not in (*gone, *both)
+    ]
+    written = f"{''.join(left)},{''.join(right)}->{''.join(shared + free)}"
+    graph.keep(equation.outputs[0], graph.node("Einsum", *names, equation=written))
 
 
 def _gather(graph: Graph, equation: Equation) -> None:
     """Whole rows along one axis. The table is turned so that batches lead and the axis follows."""
     (table, where), (var,), params = equation.inputs, equation.outputs, equation.params
     numbers, indices = params["dimension_numbers"], graph.tensor(where)
-    batch, axes = tuple(numbers.operand_batching_dims), tuple(numbers.start_index_map)
-    leading = numbers.start_indices_batching_dims == tuple(range(len(batch)))
+    batch, axes = (tuple(map(int, dims)) for dims in (numbers.operand_batching_dims, numbers.start_index_map))
+    leading = tuple(numbers.start_indices_batching_dims) == tuple(range(len(batch)))
     if len(axes) != 1 or axes != tuple(numbers.collapsed_slice_dims) or not leading or not _takes_all(table, params):
         raise CruiseError("a look-up along more than one axis cannot be exported to ONNX")
     rest = [axis for axis in range(table.ndim) if axis not in (*batch, *axes)]
@@ -340,8 +372,8 @@ def _gather(graph: Graph, equation: Equation) -> None:
 
 
 def _turned(graph: Graph, name: str, order: Sequence[int]) -> str:
-    same = list(order) == list(range(len(order)))
-    return name if same else graph.node("Transpose", name, perm=[int(axis) for axis in order])
+    same = tuple(order) == tuple(range(len(order)))
+    return name if same else graph.node("Transpose", name, perm=list(order))
 
 
 def _takes_all(table: Atom, params: dict[str, Any]) -> bool:
@@ -376,6 +408,8 @@ RULES: dict[str, Rule] = {
     "le": _elementwise("LessOrEqual"),
     "ge": _elementwise("GreaterOrEqual"),
     "ne": _not_equal,
+    "atan2": _arctangent,
+    "rev": _reverse,
     "logistic": _elementwise("Sigmoid"),
     "round": _elementwise("Round"),
     "rem": _remainder,

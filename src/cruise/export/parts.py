@@ -1,4 +1,4 @@
-"""An exported pilot as pure functions of SI quantities, made of the environment itself. Components lead."""
+"""An exported pilot as pure functions of SI quantities, made of the environment itself; components lead."""
 
 from collections.abc import Callable
 from typing import NamedTuple
