@@ -232,13 +232,12 @@ def _slice(run: Arrays, equation: Equation) -> np.ndarray:
             cuts.append(slice(*cut))
             continue
         cuts.append(slice(None))
-        first, last, step = cut
+        first, _, step = cut
         if run.is_open(equation.inputs[0]) and (first, step) != (0, 1):
             at = node("add", INT, node("mul", INT, INDEX, number(step, INT)), number(first, INT))
             array = _placed(array, at)
         if _is_one(equation.outputs[0].shape[axis]):
             array = _placed(array, number(0, INT))
-        del last
     return array[tuple(cuts)]
 
 
@@ -292,10 +291,16 @@ def _product(run: Arrays, equation: Equation) -> np.ndarray:
     for matrix, vector, axis in ((left, right, contracted[0][0]), (right, left, contracted[1][0])):
         if isinstance(matrix, np.ndarray) and matrix.ndim == 2 and vector.ndim == 1 and matrix.size > WRITTEN_OUT:
             return _by_function(run, matrix if axis == 1 else matrix.T, vector)
-    a, b = np.moveaxis(run.closed(left), contracted[0][0], -1), np.moveaxis(run.closed(right), contracted[1][0], 0)
-    rows = [_map([np.asarray(a[..., k], object).reshape((*a.shape[:-1], *(1,) * (b.ndim - 1))), b[k]], functools.partial(_float, "mul"))
-            for k in range(a.shape[-1])]  # fmt: skip
-    return functools.reduce(lambda one, other: _map([one, other], functools.partial(_float, "add")), rows)
+    a, b = np.moveaxis(run.closed(left), contracted[0][0], 0), np.moveaxis(run.closed(right), contracted[1][0], 0)
+    columns = [np.asarray(column, object) for column in a]
+    spread = [column.reshape((*column.shape, *(1,) * (b.ndim - 1))) for column in columns]
+    return functools.reduce(
+        _added, (_map([x, y], functools.partial(_float, "mul")) for x, y in zip(spread, b, strict=True))
+    )
+
+
+def _added(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    return _map([a, b], functools.partial(_float, "add"))
 
 
 def _by_function(run: Arrays, matrix: np.ndarray, vector: Atom) -> np.ndarray:

@@ -99,7 +99,7 @@ def _bodies(policy: Policy, env: RaceEnv, arrays: Arrays, ports: dict[str, Port]
     gates = ports["gate_yaw"].shape[0]
     given = ports_of(policy, env, Sizes(meta.drones - 1, int(gates) if gates.isdigit() else gates))
     state = shapes_of_one(given)
-    size, actions = policy.params.actor.layers[0].in_features, env.dynamics.action_size
+    size, actions = int(policy.params.actor.layers[0].in_features), env.dynamics.action_size
     seen, said = (jax.ShapeDtypeStruct((number,), np.float32) for number in (size, actions))
     functions = {
         "observe": (lambda values: {"observation": parts.observe(values)}, state),

@@ -28,7 +28,7 @@ class Parts(NamedTuple):
 
 
 def make_parts(policy: Policy, env: RaceEnv) -> Parts:
-    """The functions of a policy. A network with a memory would take and give its carry beside what it reads and says."""
+    """The functions of a policy. A network with a memory would take and give its carry here and be ports of its own."""
     kind, agility = policy.meta.observation, policy.meta.agility
 
     def decode(values: Values, said: Array) -> Array:
@@ -45,8 +45,6 @@ def make_parts(policy: Policy, env: RaceEnv) -> Parts:
 
 def nearest_others(values: Values, count: int) -> Values:
     """The nearest `count` of any number of others, padded with some that are not in the air where there are fewer."""
-    if "others_airborne" not in values:
-        return values
     here = values["others_airborne"]
     offset = jnp.where(here, values["others_position_w"] - values["position_w"][:, None], 0.0)
     separation = jnp.where(here, jnp.sqrt(jnp.sum(offset * offset, axis=0)), jnp.inf)

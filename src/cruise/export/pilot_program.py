@@ -1,5 +1,6 @@
 """The programs of an exported pilot: whole, for many drones at once, and part by part, for one."""
 
+import functools
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
@@ -39,10 +40,11 @@ def make_model(policy: Policy, env: RaceEnv, interface: Interface) -> Model:
 
 def max_freedom(policy: Policy, env: RaceEnv, parts: Parts) -> tuple[tuple[Port, ...], Program]:
     """The whole pilot for as many gates as there are, or for as many as it was trained with where it needs to know."""
+    nearest = max(policy.meta.drones - 1, LEAST_OTHERS)
     for sizes in _sizes(policy, env, parts):
         ports = ports_of(policy, env, sizes)
         try:
-            program = trace(lambda values: _whole(parts, values, policy.meta.drones - 1), shapes(ports))
+            program = trace(functools.partial(_whole, parts, nearest if sizes.others == "M" else None), shapes(ports))
         except Exception:  # JAX has no common one for a size that must be known
             if sizes.gates == "G":
                 continue
@@ -81,13 +83,13 @@ def components_first(inputs: Values) -> Values:
     return {name: value.T for name, value in inputs.items()}
 
 
-def _whole(parts: Parts, inputs: Values, others: int) -> Values:
-    """[B, ...] of every drone; all of them see the same gates."""
+def _whole(parts: Parts, nearest: int | None, inputs: Values) -> Values:
+    """[B, ...] of every drone; all of them see the same gates. Of any number of others the `nearest` count."""
 
     def one(inputs: Values) -> Values:
         values = components_first(inputs)
-        if "others_airborne" in values and not isinstance(values["others_airborne"].shape[0], int):
-            values = nearest_others(values, max(others, LEAST_OTHERS))
+        if nearest is not None:
+            values = nearest_others(values, nearest)
         action = parts.decode(values, parts.network(parts.observe(values)))
         return {"action": action} | parts.command(values, action)
 

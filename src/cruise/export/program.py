@@ -77,7 +77,10 @@ class _Flat:
         return list(map(self._atom, jaxpr.outvars))
 
     def _atom(self, atom: Any) -> Atom:
-        return np.asarray(atom.val, atom.aval.dtype) if isinstance(atom, Literal) else self.known[atom]
+        if isinstance(atom, Literal):
+            shaped: Any = atom.aval
+            return np.asarray(atom.val, shaped.dtype)
+        return self.known[atom]
 
     def _outputs(self, equation: Any, inputs: tuple[Atom, ...]) -> Iterable[Atom]:
         name, params = equation.primitive.name, equation.params
