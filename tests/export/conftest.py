@@ -34,13 +34,6 @@ def policy_of(kind):
     return Policy(meta(track, drones, observation, name=f"{kind} */ policy"), params)
 
 
-def few(recording, step=97):
-    """Some rows of a recording."""
-    inputs = {name: rows if name.startswith("gate_") else rows[::step] for name, rows in recording.inputs.items()}
-    outputs = {name: rows[::step] for name, rows in recording.outputs.items()}
-    return recording._replace(inputs=inputs, outputs=outputs)
-
-
 def lost_others(recording):
     """The same, but nobody knows where those are that left the air."""
     gone = ~recording.inputs["others_airborne"]

@@ -1,6 +1,8 @@
 """Pilots in plain Python: they fly as pilots in JAX do, see what is there, and are told clearly what is wrong."""
 
+import asyncio
 import contextlib
+import sys
 import time
 from types import SimpleNamespace
 
@@ -10,7 +12,6 @@ import pytest
 
 from cruise.env.race_env import make_race_env
 from cruise.errors import CruiseError
-from cruise.pilots import cockpit
 from cruise.pilots.foreign import ForeignPilot, wrap
 from cruise.pilots.neural import NeuralPilot
 from cruise.pilots.scripted import SCRIPTED, Chaser
@@ -192,9 +193,9 @@ def test_constructors_have_time(monkeypatch):
             clock[0] += 1.0
             return np.zeros(3)
 
-    monkeypatch.setattr(cockpit, "time", SimpleNamespace(perf_counter=lambda: clock[0]))
+    monkeypatch.setattr(python_pilot, "time", SimpleNamespace(perf_counter=lambda: clock[0]))
     assert len(flown([wrap(Wakes, budget=30.0)] * DRONES, steps=1).action) == 1
-    monkeypatch.setattr(cockpit, "cut_off", lambda seconds: contextlib.nullcontext())
+    monkeypatch.setattr(python_pilot, "cut_off", lambda seconds: contextlib.nullcontext())
     with pytest.raises(CruiseError, match="took 1000 ms, more than its budget of 500 ms"):
         flown([wrap(Wakes, budget=0.5)] * DRONES, steps=1)
 
@@ -210,6 +211,11 @@ class FailsLater:
         if view.time > 0.15:
             raise KeyError("no such\n gate")
         return np.zeros(3)
+
+
+class Cancels:
+    def act(self, view):
+        raise asyncio.CancelledError
 
 
 class Batch:
@@ -237,6 +243,9 @@ BAD = {
     "ragged": (lambda view: [[0.0], [1.0, 2.0]], "gave list [[0.0], [1.0, 2.0]], expected"),
     "an exception": (FailsLater, "drone 1, 0.20 s into the race: raised KeyError: 'no such\\n gate' ("),
     "where it was raised": (FailsLater, "test_foreign.py, line "),
+    "leaves": (lambda view: sys.exit(), "drone 1, 0.00 s into the race: raised SystemExit ("),
+    "leaves with a word": (lambda view: sys.exit("enough"), "raised SystemExit: enough ("),
+    "is cancelled": (Cancels, "raised CancelledError ("),
     "slow": (Sleeps, "its budget of 20 ms; give it more with --budget-ms, or make it faster"),
     "endless": (Endless, "was not done within its budget of 20 ms"),
     "too few rows": (Batch(lambda view: np.zeros((1, 3))), "gave an array of shape [1, 3], expected shape [6, 3]"),
@@ -289,6 +298,13 @@ def test_what_is_no_pilot():
         assert message in str(error.value)
     with pytest.raises(CruiseError, match="budget of a pilot must be above 0, got 0 s"):
         wrap(Sleeps, budget=0.0)
+
+    class Leaves(Sleeps):
+        def __init__(self):
+            sys.exit(3)
+
+    with pytest.raises(CruiseError, match=r"pilot 'Leaves' could not be made: SystemExit: 3 \("):
+        flown([wrap(Leaves)] * DRONES, steps=1)
     with pytest.raises(CruiseError, match=r"pilot 'NeedsMore' could not be made: TypeError: .*takes no arguments"):
         flown([wrap(NeedsMore)] * DRONES, steps=1)
 

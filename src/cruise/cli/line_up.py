@@ -39,10 +39,11 @@ class LineUp:
     """Flies one drone: a policy as above, an exported .onnx file, one of chaser, hover, se-ibr and se-ibr-tuned, or a
     pilot of your own in Python, as FILE.py:NAME or MODULE:NAME, whose code is run. Repeat it, once per drone; fewer
     take turns."""
-    vehicle: Annotated[str | None, described("NAME")] = None
-    """What all of them fly (`cruise vehicles` lists them). By default what the pilots were made for, or paper."""
+    vehicle: Annotated[str | None, described("NAME|FILE")] = None
+    """What all of them fly: a built-in vehicle (`cruise vehicles` lists them), or path of a TOML file. By default what
+    the pilots were made for, or paper."""
     randomise: Annotated[float, described("SHARE")] = 0.0
-    """How far races differ from what vehicle and track say: a share of all that a real drone may differ by (0 to 2)."""
+    """Strength of the domain randomisation: 0 is off, 1 is all that a real drone may differ by, 2 the most."""
     simulator: Annotated[str, described("NAME")] = OUR_SIMULATOR
     """What moves the drones: cruise, or one of mujoco, rotorpy and crazyflow, each an extra of that name."""
     budget_ms: float = 10_000.0
@@ -71,14 +72,18 @@ def _metas(choices: list[str]) -> "list[PolicyMeta]":
 
 
 def usual_track(meta: "PolicyMeta | None" = None) -> Track:
-    """The track that a policy was trained on. Raises CruiseError where it is not at hand."""
+    """The track that a policy was trained on, which it has kept. Raises CruiseError where it is not at hand."""
     if meta is None:
         return TRACKS[DEFAULT_TRACK]
+    if meta.layout is not None:
+        return meta.layout
     trained_on = meta.config.get("track", meta.track)
     if meta.track in (*TRACKS, RANDOM):
         return load_track(meta.track)
     if isinstance(trained_on, str) and Path(trained_on).is_file():
-        return load_track(trained_on)
+        track = load_track(trained_on)  # of a policy from before they kept their tracks
+        if track.name == meta.track:
+            return track
     raise CruiseError(f"policy {meta.name!r} was trained on track {meta.track!r}, not a built-in one: give its --track")
 
 

@@ -8,8 +8,8 @@ from typing import Any, TypeVar
 from cruise.errors import CruiseError
 from cruise.pilots.base import Pilot
 from cruise.pilots.foreign import DEFAULT_BUDGET, wrap
+from cruise.pilots.loader import load_object, names_python
 from cruise.pilots.named import NAMED
-from cruise.pilots.source import find_object, names_python
 from cruise.storage.onnx_file import load_onnx_pilot, read_onnx_meta
 from cruise.storage.policy_file import PolicyMeta, load_policy, read_meta
 
@@ -39,7 +39,7 @@ def find_pilot(choice: PilotChoice, budget: float = DEFAULT_BUDGET) -> Pilot:
     if name.endswith(ONNX):
         return load_onnx_pilot(name, budget)
     if names_python(name):
-        return wrap(find_object(name), name, budget)
+        return wrap(load_object(name), name, budget)
     return _policy(load_policy, name)
 
 

@@ -23,6 +23,7 @@ from cruise.export.program import trace
 from cruise.export.recording import Recording
 from cruise.storage.onnx_file import Port, first_action
 from cruise.storage.policy_file import Policy
+from cruise.vehicles import name_of
 
 SAMPLES = 8  # of recorded flight, for the self test
 PER_LINE = 8
@@ -107,7 +108,7 @@ def _bodies(policy: Policy, env: RaceEnv, arrays: Arrays, ports: dict[str, Port]
         "decode": (lambda values: {"state->action": parts.decode(values, values["said"])}, state | {"said": said}),
         "command": (lambda values: _commanded(parts, values, commands_of(env).array), state | {"action": said}),
     }
-    layout = observation_layout(meta.observation, meta.drones, env.course.num_gates, meta.vehicle, size)
+    layout = observation_layout(meta.observation, meta.drones, env.course.num_gates, name_of(meta.vehicle), size)
     first, comments = 0, {}
     for entry in layout:
         comments[first] = _comment(f"{entry.name} [{entry.unit or 1}]")

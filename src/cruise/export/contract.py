@@ -9,9 +9,9 @@ from cruise.env.observation_layout import observation_layout
 from cruise.env.race_env import RaceEnv, make_race_env
 from cruise.errors import CruiseError
 from cruise.export.pilot_program import Model
-from cruise.presets import VEHICLES
 from cruise.storage.onnx_file import FORMAT_VERSION, Contract, ExportedGate, Interface, ObservationEntry
 from cruise.storage.policy_file import Policy
+from cruise.vehicles import find_vehicle, name_of
 
 
 def export_env(policy: Policy, track: Track) -> RaceEnv:
@@ -22,7 +22,12 @@ def export_env(policy: Policy, track: Track) -> RaceEnv:
             f"{track.name!r} is another track in every race: choose the one that the export of {meta.name!r} is "
             "compared on (--track)"
         )
-    env = make_race_env(track, meta.drones, VEHICLES[meta.vehicle], meta.observation)
+    vehicle = find_vehicle(meta.vehicle)
+    if vehicle.control not in ("acceleration", "ctbr"):
+        raise CruiseError(
+            f"policy {meta.name!r} flies by {vehicle.control!r}; exported can be those that fly by acceleration or ctbr"
+        )
+    env = make_race_env(track, meta.drones, vehicle, meta.observation)
     policy.pilot().init(env, tuple(range(meta.drones)), standing(env))
     return env
 
@@ -36,7 +41,7 @@ def make_contract(policy: Policy, track: Track, env: RaceEnv, interface: Interfa
     """The contract of a policy."""
     meta = policy.meta
     size = int(policy.params.actor.layers[0].in_features)
-    layout = observation_layout(meta.observation, meta.drones, len(track.gates), meta.vehicle, size)
+    layout = observation_layout(meta.observation, meta.drones, len(track.gates), name_of(meta.vehicle), size)
     entries, first = [], 0
     for entry in layout:
         entries.append(ObservationEntry(first=first, **entry._asdict()))

@@ -51,6 +51,8 @@ class Exporter:
     @classmethod
     def of(cls, policy: Policy, track: Track) -> "Exporter":
         """Record the races. Raises CruiseError where the policy cannot be exported, or does not fit the track."""
+        if policy.params.has_memory:
+            raise CruiseError(f"policy {policy.meta.name!r} has a memory, which exported models do not have yet")
         env = export_env(policy, track)
         return cls(policy, track, env, record(env, policy.pilot()))
 

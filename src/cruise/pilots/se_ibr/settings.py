@@ -31,7 +31,7 @@ def style_of(setting: Setting, track: Track, vehicle: Vehicle) -> Style:
     """How to fly a track with a vehicle in a setting."""
     if setting == "paper":
         return paper_style(track)
-    return tuned_style(track) if vehicle.airframe is None else style_for(vehicle)
+    return tuned_style(track) if vehicle.flown_by == "cascade" else style_for(vehicle)
 
 
 def paper_style(track: Track) -> Style:
@@ -76,7 +76,7 @@ def style_for(vehicle: Vehicle) -> Style:
 def read_tuned(path: Path) -> dict[str, Style]:
     """Styles by track from a file that `cruise tune-planner` wrote. Raises CruiseError where it is not one."""
     try:
-        tracks = json.loads(path.read_text())["tracks"]
+        tracks = json.loads(path.read_bytes())["tracks"]
         return {name: Style(*(float(entry["style"][key]) for key in STYLE_KEYS)) for name, entry in tracks.items()}
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise CruiseError(f"{path} is no file of `cruise tune-planner`: {error!r}") from None
