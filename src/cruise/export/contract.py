@@ -13,6 +13,8 @@ from cruise.storage.onnx_file import FORMAT_VERSION, Contract, ExportedGate, Int
 from cruise.storage.policy_file import Policy
 from cruise.vehicles import find_vehicle, name_of
 
+COMMANDED = {"cascade": "acceleration", "rotors": "ctbr"}  # for which `ports.command` says what is commanded
+
 
 def export_env(policy: Policy, track: Track) -> RaceEnv:
     """The environment whose observation and action the exported policy has. Raises CruiseError if it cannot be had."""
@@ -23,9 +25,10 @@ def export_env(policy: Policy, track: Track) -> RaceEnv:
             "compared on (--track)"
         )
     vehicle = find_vehicle(meta.vehicle)
-    if vehicle.control not in ("acceleration", "ctbr"):
+    if vehicle.control != COMMANDED[vehicle.flown_by]:
         raise CruiseError(
-            f"policy {meta.name!r} flies by {vehicle.control!r}; exported can be those that fly by acceleration or ctbr"
+            f"policy {meta.name!r} flies vehicle {vehicle.name!r} by {vehicle.control}; exported are those that "
+            f"fly it by {COMMANDED[vehicle.flown_by]}"
         )
     env = make_race_env(track, meta.drones, vehicle, meta.observation)
     policy.pilot().init(env, tuple(range(meta.drones)), standing(env))
