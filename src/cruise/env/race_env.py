@@ -68,7 +68,10 @@ class RaceEnv(NamedTuple):
 
 def _with_gates(course: Course, surroundings: Surroundings) -> Course:
     moved = surroundings.gates
-    return course if moved is None else course._replace(position_w=moved.position_w, normal_w=moved.normal_w)
+    if moved is None:
+        return course
+    size = course.half_size if moved.half_size is None else moved.half_size
+    return course._replace(position_w=moved.position_w, normal_w=moved.normal_w, half_size=size)
 
 
 def _air_w(dynamics: Dynamics, state: RaceState) -> Float[Array, "3 N *B"] | None:

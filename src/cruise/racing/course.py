@@ -11,6 +11,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from cruise.config import Gate, Track
 from cruise.racing.solids import solid_columns
+from cruise.vector import is_plain
 
 UNROLLED = 16  # gates or solids up to which a loop over them is written out: more are scanned, or gathered
 
@@ -104,6 +105,8 @@ def pick(table: Float[Array, "C G *R"], gate: Int[Array, "*B"]) -> Float[Array, 
     A sum over selects, which vectorises where a gather does not, up to `UNROLLED` gates; beyond, a gather.
     """
     races = table.shape[2:]
+    if is_plain() and not races:
+        return table.take(gate, axis=1, mode="clip")
     ones = (1,) * (gate.ndim - len(races))
     if table.shape[1] > UNROLLED:
         spread = table.reshape(*table.shape[:2], *ones, *races)
