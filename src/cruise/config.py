@@ -199,6 +199,26 @@ Obstacle = Pole | Wall
 
 
 @dataclass(frozen=True)
+class StartPlace:
+    """Where one drone waits."""
+
+    position_w: Vec3  # [m]
+    yaw: float  # [rad]
+
+
+@dataclass(frozen=True)
+class StartLine:
+    """Drones wait side by side, however many."""
+
+    middle_w: Vec3  # [m]
+    yaw: float  # of all drones; the line lies across it [rad]
+    spacing: float  # of neighbours [m]
+
+
+Start = tuple[StartPlace, ...] | StartLine
+
+
+@dataclass(frozen=True)
 class Track:
     """Gates in the order they are flown, repeated every lap, and what else stands there."""
 
@@ -211,6 +231,8 @@ class Track:
     leave_distance: float = 10.0  # farther than this from every gate has left the track [m]
     variants: tuple[tuple[Gate, ...], ...] = ()  # other places of the same gates; where given, every race draws one
     obstacles: tuple[Obstacle, ...] = ()
+    start: Start | None = None  # None: a grid before a gate, by chance
+    start_gate: int = 0  # index of the first gate to pass from `start`
 
 
 @dataclass(frozen=True)

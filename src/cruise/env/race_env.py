@@ -22,6 +22,7 @@ from cruise.racing.field import rows
 from cruise.racing.gates import follow_gates
 from cruise.racing.grid import Start, start_grid
 from cruise.racing.passes import passes_per_step
+from cruise.racing.start_room import start_plan
 
 FLIP_ANGLE = jnp.pi / 2
 
@@ -103,6 +104,7 @@ def make_race_env(
     weights = reward or RewardWeights()
     env_course = make_course(track)
     passes = passes_per_step(track, vehicle.control_dt)
+    plan = start_plan(track, num_drones)
     dynamics = dynamics or make_dynamics(vehicle)
     perturb = perturb or perturbation(track, vehicle, Randomisation())
 
@@ -118,7 +120,7 @@ def make_race_env(
         start_key, conditions_key = jax.random.split(key)
         conditions = perturb(conditions_key, (num_drones, *batch)) if perturb else AS_SAID
         here = _with_gates(env_course, conditions.surroundings)
-        return begin(start_grid(here, start_key, num_drones, batch, gate), conditions)
+        return begin(start_grid(here, start_key, num_drones, batch, gate, plan), conditions)
 
     def step(state: RaceState, action: Float[Array, "A N *B"], rules: Rules) -> tuple[RaceState, StepOutcome]:
         airborne, course = state.airborne, _with_gates(env_course, state.surroundings)

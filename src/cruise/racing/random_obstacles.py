@@ -9,7 +9,7 @@ from cruise.config import Obstacle, Pole, Track, Wall
 from cruise.errors import CruiseError
 from cruise.racing.clearance import clearance
 from cruise.racing.detours import BERTHS
-from cruise.racing.solids import outlines
+from cruise.racing.solids import KINDS, outlines
 from cruise.racing.track_file import track_faults
 from cruise.racing.ways import ways
 
@@ -38,7 +38,8 @@ def with_obstacles(rng: np.random.Generator, track: Track, number: int) -> Track
         if found is None:
             raise CruiseError(f"there is no room for {number} obstacles beside the ways of {track.name}: ask for fewer")
         track = found
-    return track
+    in_a_file = sorted(track.obstacles, key=lambda solid: [kind.made_of for kind in KINDS].index(type(solid)))
+    return dataclasses.replace(track, obstacles=tuple(in_a_file))
 
 
 def _grids(track: Track) -> np.ndarray:
