@@ -38,8 +38,9 @@ def with_obstacles(rng: np.random.Generator, track: Track, number: int) -> Track
         if found is None:
             raise CruiseError(f"there is no room for {number} obstacles beside the ways of {track.name}: ask for fewer")
         track = found
-    in_a_file = sorted(track.obstacles, key=lambda solid: [kind.made_of for kind in KINDS].index(type(solid)))
-    return dataclasses.replace(track, obstacles=tuple(in_a_file))
+    kinds = [kind.made_of for kind in KINDS]  # in whose order a file has them
+    solids = sorted(track.obstacles, key=lambda solid: kinds.index(type(solid)))
+    return dataclasses.replace(track, obstacles=tuple(solids))
 
 
 def _grids(track: Track) -> np.ndarray:
