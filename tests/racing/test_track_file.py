@@ -7,13 +7,14 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
 from cruise.config import Gate, Pole, StartLine, StartPlace, Track, Wall
 from cruise.errors import CruiseError
-from cruise.presets import TRACKS
+from cruise.presets import TRACKS, VEHICLES
 from cruise.racing.track_file import (
     document_faults,
     load_track,
@@ -22,7 +23,7 @@ from cruise.racing.track_file import (
     track_faults,
     track_warnings,
 )
-from cruise.racing.track_geometry import lap_length, segment_lengths
+from cruise.racing.track_geometry import FARTHEST, lap_length, segment_lengths
 from tests.racing.track_tables import GATE, MALFORMED, NAME, SECOND, SOUND, THIRD, UNREADABLE
 
 EXAMPLES = sorted((Path(__file__).parents[2] / "examples" / "tracks").glob("*.toml"))
@@ -298,3 +299,17 @@ def test_unreadable_file(tmp_path):
     path.chmod(0)
     with pytest.raises(CruiseError, match="cannot be read: Permission denied"):
         load_track(path)
+
+
+def test_a_slow_drone_moves_at_the_farthest_gate_that_is_accepted():
+    """In single precision, at 0.1 m/s for a second, along an axis: where a track may lie, not where it may not."""
+    racer = VEHICLES["racer"]
+    for place, moves in ((FARTHEST, True), (9900.0, False)):
+        step = np.float32(0.1 * racer.control_dt / racer.substeps)
+        x = start = np.float32(place)
+        for _ in range(round(1 / racer.control_dt) * racer.substeps):
+            x = np.float32(x + step)
+        assert (abs(float(x) - float(start) - 0.1) < 0.02) == moves
+        gate = Gate((place, 0.0, 2.0), 0.0)
+        track = Track("far", (gate,), (place - 20, -20.0, 0.0), (place + 20, 20.0, 20.0))
+        assert (track_faults(track) == []) == moves

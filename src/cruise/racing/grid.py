@@ -14,7 +14,6 @@ from cruise.racing.start_room import (
     NEAREST,
     ROW_SPACING,
     USUAL,
-    Grid,
     StartPlan,
 )
 
@@ -72,11 +71,11 @@ def _first_gates(
     return jnp.array(plan.gates)[jax.random.randint(key, batch, 0, len(plan.gates))]
 
 
-def _grid_of(gates: Int[Array, "*B"], plan: StartPlan | None) -> Grid:
-    """The grid before each first gate."""
+def _grid_of(gates: Int[Array, "*B"], plan: StartPlan | None) -> tuple[Array | float, ...]:
+    """Lanes, scale and farthest first row of the grid before each first gate."""
     if plan is None:
         return USUAL
-    return Grid(*(jnp.array(column)[gates] for column in zip(*plan.grids, strict=True)))
+    return tuple(jnp.array(column)[gates] for column in zip(*plan.grids, strict=True))
 
 
 def _at_places(plan: StartPlan, slot: Int[Array, "N *B"], jitter: Float[Array, "3 N *B"]) -> Start:

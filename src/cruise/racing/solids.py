@@ -9,7 +9,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from cruise import geometry
+from cruise import geometry, toml_file
 from cruise.config import Obstacle, Pole, Vec3, Wall
 from cruise.geometry import Number, Vector
 from cruise.racing import track_schema as schema
@@ -124,5 +124,5 @@ def solid_faults(kind: SolidKind, table: object) -> list[str]:
     """Faults of one table of a kind of solid, each on its own."""
     if not isinstance(table, Mapping):
         return [f"must be a table, got {schema.spell(table)}"]
-    faults = list(schema.toml_file.key_faults(table, kind.keys, kind.required))
+    faults = list(toml_file.key_faults(table, kind.keys, kind.required))
     return faults + list(schema.angle_faults(table, "yaw"))

@@ -9,7 +9,7 @@ from cruise.config import TrainConfig
 from cruise.env.observation import FOR_ANY_FIELD
 from cruise.errors import CruiseError
 from cruise.pilots.network import ActorCritic
-from cruise.storage.policy_file import read_policy
+from cruise.storage.policy_file import read_meta, read_policy
 from cruise.training.league import found_league
 from cruise.training.trainer import Trainer
 from cruise.training.types import TrainState
@@ -26,6 +26,7 @@ def initial_state(trainer: Trainer) -> TrainState:
     model, pool, league = state.model, state.opponents, state.league
     if config.start_from:
         model = _fitting(config.start_from, config, state.model, _read_alike(config.observation))
+        _require_same_critic(config)
         pool = pool._replace(newest=model, previous=model)
     if config.against:
         opponent = _fitting(config.against, config, state.model, {config.observation})
@@ -34,6 +35,15 @@ def initial_state(trainer: Trainer) -> TrainState:
         founders = [_fitting(name, config, state.model, {config.observation}) for name in config.opponents.founders]
         league = found_league(model, config.opponents.league, founders)
     return trainer.place(state._replace(model=model, opponents=pool, league=league))
+
+
+def _require_same_critic(config: TrainConfig) -> None:
+    """Raises CruiseError where the value network that learns on saw something else before."""
+    stored = read_meta(config.start_from).config
+    before = stored.get("critic_observation", "") if isinstance(stored, dict) else ""
+    if before != config.critic_observation:
+        told = f"give --critic-observation {before}" if before else "leave out --critic-observation"
+        raise CruiseError(f"the value network of policy {config.start_from!r} saw another observation: {told}")
 
 
 def _read_alike(observation: str) -> frozenset[str]:
