@@ -20,6 +20,8 @@ from experiments.table import Table, to_html, to_markdown
 TEXT, SHELL = Path(__file__).with_name("page.md"), Path(__file__).with_name("page.html")
 NAME = re.compile(r"\$\{([^}]+)\}")
 PICTURE = re.compile(r"!\[(.*)\]\(figures/(.*)\.svg\)", re.DOTALL)
+TABLE = re.compile(r"\$\{table\.([^}]+)\}")
+NO_TABLE = "Not run: no part of this study."
 NOT_DRAWN = "Not run: no race of four has been kept yet."
 
 
@@ -96,8 +98,8 @@ def _body(blocks: Sequence[Block], content: Content) -> str:
 
 
 def _html(block: Block, content: Content) -> str:
-    if table := _table(block, content):
-        return to_html(table)
+    if found := TABLE.fullmatch(block.text):
+        return to_html(content.tables[found[1]]) if found[1] in content.tables else f"<p class='note'>{NO_TABLE}</p>"
     if picture := PICTURE.fullmatch(block.text):
         return _picture(content.figures.get(picture[2]), escape(picture[1], quote=True))
     text = block.filled(content.values)
@@ -108,11 +110,6 @@ def _html(block: Block, content: Content) -> str:
     if text.startswith("*") and not text.startswith("**"):
         return f"<p class='note'>{_inline(text.strip('*'))}</p>"
     return f"<p>{_inline(text)}</p>"
-
-
-def _table(block: Block, content: Content) -> Table | None:
-    found = re.fullmatch(r"\$\{table\.([^}]+)\}", block.text)
-    return content.tables[found[1]] if found else None
 
 
 def _picture(svg: str | None, caption: str) -> str:
@@ -139,8 +136,8 @@ def to_text(blocks: Sequence[Block], content: Content) -> str:
 
 
 def _text(block: Block, content: Content) -> str:
-    if table := _table(block, content):
-        return to_markdown(table).rstrip()
+    if found := TABLE.fullmatch(block.text):
+        return to_markdown(content.tables[found[1]]).rstrip() if found[1] in content.tables else f"*{NO_TABLE}*"
     if picture := PICTURE.fullmatch(block.text):
         return f"{block.text}\n\n*{picture[1]}*" if picture[2] in content.figures else f"*{NOT_DRAWN} {picture[1]}*"
     return block.filled(content.values)

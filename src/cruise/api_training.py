@@ -48,10 +48,13 @@ def train(
     use_cores()
     folder = Path(out) if out else default_folder(config)
     session = Session(folder, config, training_track(config), find_vehicle(config.vehicle))
-    for progress in session:
-        if show:
-            show(progress)
-    return load_policy(finish_run(session, episodes))
+    try:
+        for progress in session:
+            if show:
+                show(progress)
+        return load_policy(finish_run(session, episodes))
+    finally:
+        session.close()
 
 
 def finish_run(session: Session, episodes: int) -> Path:

@@ -15,6 +15,7 @@ from cruise.config import RewardWeights
 from cruise.presets import REWARDS
 from cruise.storage.checkpoint import CURRENT, PREVIOUS, load_checkpoint
 from cruise.training import session as session_module
+from cruise.training.run_track import TRACK
 from cruise.training.session import CONFIG
 from tests.training.runs import (
     TINY,
@@ -152,6 +153,7 @@ def test_a_folder_that_holds_a_run(refused, open_session):
 )
 def test_a_broken_configuration_is_not_resumed(content, expected, refused, open_session):
     folder = open_session().folder
+    (folder / TRACK).unlink()  # as in runs from before they kept their tracks
     (folder / CONFIG).write_text(content)
     assert expected in refused("--resume", str(folder))
 

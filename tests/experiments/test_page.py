@@ -1,6 +1,7 @@
 """The page that a person wrote: its numbers are there, and what it says is so in the results that are kept."""
 
 import dataclasses
+from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
@@ -10,7 +11,7 @@ from experiments.evidence import Evidence, read_evidence
 from experiments.named import named
 from experiments.page import PICTURE, Block, Content, read_blocks, to_page, to_text
 from experiments.plan import Job, full_scale, make_plan
-from experiments.report import make_content, rate_tracks, warnings
+from experiments.report import make_content, rate_tracks, write_report
 from experiments.results import ResultFolder
 from tests.experiments.invented import invent
 
@@ -25,8 +26,13 @@ def evidence() -> Evidence:
 
 
 @pytest.fixture(scope="module")
-def values(evidence) -> dict[str, str]:
-    return named(evidence, rate_tracks(evidence))
+def content(evidence) -> Content:
+    return make_content(evidence)
+
+
+@pytest.fixture(scope="module")
+def values(content) -> Mapping[str, str]:
+    return content.values
 
 
 @pytest.mark.parametrize("block", ASSERTING, ids=[block.text.split("**")[1] for block in ASSERTING])
@@ -45,16 +51,15 @@ def test_every_number_is_there_and_every_claim_is_asserted_or_shown(values):
     assert all(any(name == check or name.startswith(f"{check}.") for check in known) for name in asserted)
 
 
-def test_the_page_shows_every_table_and_figure_once(evidence):
-    content = make_content(evidence)
+def test_the_page_shows_every_table_and_figure_once(content):
     tables = [name.removeprefix("table.") for block in BLOCKS for name in block.names if name.startswith("table.")]
     pictures = [found[2] for block in BLOCKS if (found := PICTURE.fullmatch(block.text))]
     assert sorted(tables) == sorted(content.tables)
     assert sorted(pictures) == sorted(content.figures)
 
 
-def test_kept_results_are_whole(evidence):
-    assert warnings(evidence) == ()
+def test_kept_results_are_whole(content):
+    assert content.warnings == ()
 
 
 def test_text_that_results_contradict_is_marked(tmp_path):
@@ -65,6 +70,14 @@ def test_text_that_results_contradict_is_marked(tmp_path):
     values = named(found, rate_tracks(found))
     wins = next(block for block in BLOCKS if block.text.startswith("**Who wins"))
     assert wins.filled(values).startswith("**Not so in these results (rated.first.ring is CRUISE, not VANILLA; ")
+
+
+def test_a_study_of_one_track_says_so_of_the_other(tmp_path):
+    scale = dataclasses.replace(full_scale(), races=6, tracks=("ring",))
+    page = write_report(read_evidence(ResultFolder(tmp_path / "none"), scale), tmp_path / "report").read_text()
+    assert "ring: the paper&#x27;s table" in page
+    assert "figure-eight: the paper&#x27;s table" not in page
+    assert "Not run: no part of this study." in page
 
 
 def test_results_that_are_not_there_make_a_text_unknown_not_wrong(tmp_path):

@@ -10,13 +10,15 @@ from PIL import Image, ImageDraw
 
 from cruise.adapters.options import Setup
 from cruise.env.types import RaceState
+from cruise.racing.shapes import footprint
+from cruise.racing.solids import outlines
 from cruise.viewer.painting import look
 from cruise.viewer.painting.scene import Drone, Scene, make_scene, paint_scene
 from cruise.viewer.painting.scenery import track_scenery
 
 TRAIL = 25  # control steps that a drone's trail goes back
 SIZE = (640, 480)  # of pictures [px]
-TEXT, ROW, EDGE = 12, 16, 10  # of what is written [px]
+TEXT, ROW, EDGE, CHIP = 12, 16, 10, 9  # of what is written [px]
 MOST_ROWS = 8
 COLUMNS, ROWS = 64, 22  # of the map in text
 
@@ -106,7 +108,9 @@ def _write(picture: Image.Image, title: str, lines: list[str]) -> None:
     draw = ImageDraw.Draw(picture)
     draw.text((EDGE, EDGE), title, look.INK, look.font(TEXT, bold=True))
     for row, line in enumerate(lines, start=1):
-        draw.text((EDGE, EDGE + ROW * row), line, look.colour_of(row - 1), look.font(TEXT))
+        top = EDGE + ROW * row
+        draw.rectangle((EDGE, top + 2, EDGE + CHIP, top + 2 + CHIP), fill=look.colour_of(row - 1))
+        draw.text((EDGE + 2 * CHIP, top), line, look.INK, look.font(TEXT))
 
 
 def _fate(frame: Frame, drone: int) -> str:
@@ -157,7 +161,7 @@ def status(setup: Setup, frame: Frame) -> list[str]:
 
 
 def ansi(setup: Setup, frame: Frame) -> str:
-    """The race from above, in characters: gates by letter, drones by number; then a line for every drone."""
+    """The race from above, in characters: gates by letter, drones by number, solids as #; then a line per drone."""
     gates = np.array([gate.position_w for gate in setup.track.gates])
     points = np.concatenate([gates, frame.position_w])[:, :2]
     low = np.minimum(points.min(axis=0), gates[:, :2].min(axis=0)) - 2.0
@@ -168,6 +172,10 @@ def ansi(setup: Setup, frame: Frame) -> str:
         column, row = ((place[:2] - low) / span * (COLUMNS - 1, ROWS - 1)).round().astype(int)
         grid[ROWS - 1 - row][column] = sign
 
+    for solid in outlines(setup.track.obstacles):
+        for place in (np.array(solid.centre_w), *footprint(solid)):
+            if (np.abs(place[:2] - low - span / 2) <= span / 2).all():
+                put(place, "#")
     for number, gate in enumerate(gates):
         put(gate, chr(ord("A") + number % 26))
     for drone in range(len(frame.position_w)):

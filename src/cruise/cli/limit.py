@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import tyro
-from rich.console import Console
 
+from cruise.cli.console import make_console
 from cruise.cli.line_up import described
 from cruise.cli.outputs import check_output
 from cruise.errors import CruiseError
@@ -50,7 +50,7 @@ class FindLimit:
         if not 1 <= self.laps <= MAX_LAPS:
             raise CruiseError(f"--laps must be between 1 and {MAX_LAPS}, not {self.laps}")
         options = Options(self.margin, self.laps if self.standing else 0, self.steps, self.largest_change)
-        with Console(stderr=True).status("searching; a vehicle that is flown in steps takes a minute or two"):
+        with make_console(stderr=True).status("searching; a vehicle that is flown in steps takes a minute or two"):
             limit = find_limit(track, vehicle, options)
         print("\n".join(told(limit)))
         if self.log is not None:

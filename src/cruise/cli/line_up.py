@@ -72,14 +72,18 @@ def _metas(choices: list[str]) -> "list[PolicyMeta]":
 
 
 def usual_track(meta: "PolicyMeta | None" = None) -> Track:
-    """The track that a policy was trained on. Raises CruiseError where it is not at hand."""
+    """The track that a policy was trained on, which it has kept. Raises CruiseError where it is not at hand."""
     if meta is None:
         return TRACKS[DEFAULT_TRACK]
+    if meta.layout is not None:
+        return meta.layout
     trained_on = meta.config.get("track", meta.track)
     if meta.track in (*TRACKS, RANDOM):
         return load_track(meta.track)
     if isinstance(trained_on, str) and Path(trained_on).is_file():
-        return load_track(trained_on)
+        track = load_track(trained_on)  # of a policy from before they kept their tracks
+        if track.name == meta.track:
+            return track
     raise CruiseError(f"policy {meta.name!r} was trained on track {meta.track!r}, not a built-in one: give its --track")
 
 

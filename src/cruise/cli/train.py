@@ -2,16 +2,15 @@
 
 import dataclasses
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Literal
 
 import tyro
-from rich.console import Console
+from tyro.constructors import PrimitiveConstructorSpec
 
 from cruise.cli.compilation import prepare_training
+from cruise.cli.console import make_console
 from cruise.cli.line_up import described
 from cruise.cli.progress import make_screen
 from cruise.cli.watch import Watch
@@ -19,9 +18,30 @@ from cruise.config import TrainConfig
 from cruise.errors import CruiseError
 from cruise.presets import MAX_RANDOMISE, REWARDS, training_config, training_randomisation
 from cruise.racing.random_track import training_track
-from cruise.vehicles import find_vehicle, load_vehicle
+from cruise.racing.track_file import is_name
+from cruise.vehicles import find_vehicle
 
 MAX_EPISODES = 1_000_000
+
+
+def checked_share(text: str) -> float:
+    """The value of --randomise. Raises CruiseError where it is no share."""
+    try:
+        share = float(text)
+    except ValueError:
+        share = math.nan
+    if not 0 <= share <= MAX_RANDOMISE:
+        raise CruiseError(f"--randomise must be from 0 to {MAX_RANDOMISE:g}, not {text}")
+    return share
+
+
+SHARE: PrimitiveConstructorSpec = PrimitiveConstructorSpec(
+    nargs=1,
+    metavar="SHARE",
+    instance_from_str=lambda words: checked_share(words[0]),
+    is_instance=lambda thing: thing is None or isinstance(thing, float),
+    str_from_instance=lambda share: [str(share)],
+)
 
 
 @dataclass(frozen=True)
@@ -33,7 +53,7 @@ class Train:
     """Folder of the run; by default runs/TRACK-DRONES-sSEED."""
     resume: Annotated[Path | None, tyro.conf.arg(metavar="RUN_DIR")] = None
     """Continue the run in this folder; its own configuration holds, and other flags of the run are refused."""
-    randomise: Annotated[float | None, described("SHARE")] = None
+    randomise: Annotated[float | None, described("SHARE"), SHARE] = None
     """Strength of the domain randomisation (0 to 2; 1 is all that a real drone may differ by); single flags such as
     --mass-spread override it. By default 0 for the paper's vehicle and 0.5 for others."""
     reward_preset: Literal["default", "paper"] = "default"
@@ -50,13 +70,12 @@ class Train:
     watch: Watch = field(default_factory=Watch)
 
     @classmethod
-    def usual(cls, flags: Sequence[str]) -> "Train":
-        """The defaults, which the vehicle and the number of drones that `flags` name decide."""
-        vehicle = load_vehicle(named(flags, "vehicle") or "paper")
-        drones, share = named(flags, "drones") or "", named(flags, "randomise")
-        config = training_config(vehicle, int(drones) if drones.isdecimal() else TrainConfig.drones)
-        if share is not None:
-            config = dataclasses.replace(config, randomisation=training_randomisation(vehicle, checked_share(share)))
+    def usual(cls, asked: "Train") -> "Train":
+        """The defaults, which the vehicle, the number of drones and the randomisation that were asked for decide."""
+        vehicle = find_vehicle(asked.config.vehicle)
+        config = training_config(vehicle, asked.config.drones)
+        if asked.randomise is not None:
+            config = dataclasses.replace(config, randomisation=training_randomisation(vehicle, asked.randomise))
         return cls(config=config)
 
     def run(self) -> int:
@@ -67,6 +86,7 @@ class Train:
         from cruise.api_training import CURVES, finish_run  # noqa: PLC0415  (imports JAX, as the next four do)
         from cruise.training.devices import choose_devices  # noqa: PLC0415
         from cruise.training.hosts import is_first  # noqa: PLC0415
+        from cruise.training.run_track import TRACK, run_track  # noqa: PLC0415
         from cruise.training.session import Interrupted, Session, default_folder, resume_config  # noqa: PLC0415
         from cruise.training.validation import check_config  # noqa: PLC0415
 
@@ -77,12 +97,13 @@ class Train:
             raise CruiseError(f"--episodes must be between 1 and {MAX_EPISODES}, not {self.episodes}")
         folder = self.resume or self.out or default_folder(config)
         devices = choose_devices(config.ppo.races, self.devices)
-        track, vehicle = training_track(config), find_vehicle(config.vehicle)
+        track = run_track(folder, config) if self.resume else training_track(config)
+        vehicle = find_vehicle(config.vehicle)
         session = Session(folder, config, track, vehicle, resume=bool(self.resume), devices=devices)
         try:
             with (
                 self.watch.training(session) as offer,
-                make_screen(Console(quiet=not is_first()), config, session.trainer.total_steps) as screen,
+                make_screen(make_console(quiet=not is_first()), config, session.trainer.total_steps) as screen,
             ):
                 for progress in session:
                     screen.show(progress)
@@ -92,7 +113,9 @@ class Train:
             policy = finish_run(session, self.episodes)
         except KeyboardInterrupt as stop:
             raise Interrupted(str(stop) or f"interrupted; go on with: {session.resume_command}") from None
-        where = f"--track {config.track} --drones {config.drones}"
+        finally:
+            session.close()
+        where = f"--track {config.track if is_name(config.track) else folder / TRACK} --drones {config.drones}"
         print(f"policy   {policy}\ncurves   {folder / CURVES}")
         print(f"measure  cruise evaluate {where} --policy {policy}\nrace     cruise race {where} --policy {policy}")
         return 0
@@ -118,21 +141,3 @@ class Train:
         changed = self.config != TrainConfig() or self.randomise is not None or self.reward_preset != "default"
         if self.resume and (changed or self.out):
             raise CruiseError("--resume continues a run as it was configured: leave out every flag but --episodes")
-
-
-def checked_share(text: str) -> float:
-    """The value of --randomise. Raises CruiseError where it is no share."""
-    try:
-        share = float(text)
-    except ValueError:
-        share = math.nan
-    if not 0 <= share <= MAX_RANDOMISE:
-        raise CruiseError(f"--randomise must be from 0 to {MAX_RANDOMISE:g}, not {text}")
-    return share
-
-
-def named(flags: Sequence[str], name: str) -> str | None:
-    """The last value that `--NAME VALUE` or `--NAME=VALUE` gives among the flags."""
-    values = [value for flag, value in pairwise(flags) if flag == f"--{name}"]
-    values += [flag.removeprefix(f"--{name}=") for flag in flags if flag.startswith(f"--{name}=")]
-    return values[-1] if values else None

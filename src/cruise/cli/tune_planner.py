@@ -74,7 +74,7 @@ def read_kept(path: Path) -> dict[str, Any]:
     from cruise.pilots.se_ibr.settings import read_tuned  # noqa: PLC0415  (imports JAX)
 
     read_tuned(path)
-    kept: dict[str, Any] = json.loads(path.read_text())["tracks"]
+    kept: dict[str, Any] = json.loads(path.read_bytes())["tracks"]
     return kept
 
 

@@ -8,10 +8,9 @@ from pathlib import Path
 from typing import Annotated
 
 import tyro
-from rich.console import Console
-from rich.markup import escape
 from rich.table import Column, Table
 
+from cruise.cli.console import make_console
 from cruise.config import Vehicle
 from cruise.errors import CruiseError
 from cruise.toml_file import positive, shown
@@ -27,7 +26,7 @@ class List:
 
     def run(self) -> int:
         """Print a table of the vehicles and, below it, where their numbers come from."""
-        Console().print(vehicle_table())
+        make_console().print(vehicle_table())
         for vehicle in VEHICLES.values():
             print(f"{vehicle.name}\n  {vehicle.source}")
         return 0
@@ -44,8 +43,8 @@ class Show:
         """Print the vehicle's file, then figures and the action."""
         vehicle = load_vehicle(self.vehicle)
         print(to_text(vehicle))
-        Console().print(figure_table(vehicle))
-        Console().print(action_table(vehicle))
+        make_console().print(figure_table(vehicle))
+        make_console().print(action_table(vehicle))
         return 0
 
 
@@ -141,7 +140,7 @@ def summary(vehicle: Vehicle) -> str:
 def vehicle_table() -> Table:
     """One row per built-in vehicle."""
     titles = ("mass [kg]", "thrust/weight", "rates [rad/s]", "action", "Hz")
-    table = Table("vehicle", *(Column(escape(title), justify="right") for title in titles))
+    table = Table("vehicle", *(Column(title, justify="right") for title in titles))
     for vehicle in VEHICLES.values():
         strength, highest = thrust_to_weight(vehicle), value_at(vehicle, "airframe.rates.highest")
         numbers = (
@@ -149,7 +148,7 @@ def vehicle_table() -> Table:
             f"{strength:.2f}" if math.isfinite(strength) else "-",
             "-" if highest is None else " / ".join(f"{rate:g}" for rate in highest),
         )
-        table.add_row(escape(vehicle.name), *numbers, vehicle.action.kind, f"{1 / vehicle.control_dt:.0f}")
+        table.add_row(vehicle.name, *numbers, vehicle.action.kind, f"{1 / vehicle.control_dt:.0f}")
     return table
 
 
@@ -169,5 +168,5 @@ def action_table(vehicle: Vehicle) -> Table:
     table = Table("number", *numbers, "meaning", title=title)
     for number, neutral in zip(action.numbers, action.neutral, strict=True):
         ends = (f"{end:.4g} {number.unit}" for end in (number.low, number.high))
-        table.add_row(number.name, *ends, f"{neutral:.3g}", escape(number.meaning))
+        table.add_row(number.name, *ends, f"{neutral:.3g}", number.meaning)
     return table

@@ -5,16 +5,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cruise.racing.events import COLLISION_KINDS
 from cruise.storage.race_log import COLLISIONS, EVENT_KINDS, NOBODY, EventKind, RaceLog
 
 NAN = float("nan")
-FATES = {
-    "collision_drone": "hit a drone",
-    "collision_ground": "hit the ground",
-    "collision_gate_frame": "hit a gate",
-    "collision_bounds": "left the track",
-    "collision_flip": "flipped over",
-}
+FATES = {kind.stored: kind.fate for kind in COLLISION_KINDS}
 
 
 @dataclass(frozen=True)

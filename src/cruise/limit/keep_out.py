@@ -5,11 +5,9 @@ import numpy as np
 
 from cruise.config import Track
 from cruise.racing.clearance import clearance
-from cruise.racing.detours import BERTHS
 from cruise.racing.solids import outlines
 
 BETWEEN = (0.25, 0.5, 0.75)  # shares of a step at which the line is looked at beside its ends
-MOST = BERTHS[-1]  # a margin that leaves a way where the first line found one [m]
 
 
 def distances(track: Track, points_w: ca.MX) -> ca.MX:

@@ -30,8 +30,8 @@ class Vector(tuple[Any, ...]):
     __rmul__ = __mul__
 
 
-def parts(symbol: ca.SX, *slices: slice) -> list[Vector]:
-    """Slices of a column of symbols, each as its components."""
+def parts(symbol: ca.SX, *slices: slice) -> list[Any]:
+    """Slices of a column of symbols, each as its components, a `Vector`."""
     return [Vector(ca.vertsplit(symbol[part])) for part in slices]
 
 

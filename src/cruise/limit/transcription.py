@@ -205,9 +205,11 @@ def through(gate: Gate, margin: float, position: ca.MX, velocity: ca.MX) -> Cond
     half_width, half_height = gate.width / 2 - margin, gate.height / 2 - margin
     if gate.shape == "round":
         low, high = np.array([0.0, -np.inf, SLOWEST]), np.array([0.0, half_width**2, np.inf])
-        return ca.vertcat(forward, left * left + up * up, speed), (low, high)
+        rows: list[ca.MX] = [forward, left * left + up * up, speed]
+        return ca.vertcat(*rows), (low, high)
     low, high = np.array([0.0, -half_width, -half_height, SLOWEST]), np.array([0.0, half_width, half_height, np.inf])
-    return ca.vertcat(forward, left, up, speed), (low, high)
+    rows = [forward, left, up, speed]
+    return ca.vertcat(*rows), (low, high)
 
 
 def shooting(model: Model) -> ca.Function:

@@ -17,6 +17,8 @@ MOST_OBSTACLES = 60
 BESIDE = (1.0, 4.0)  # distance of a solid's middle from a way, beyond what the way keeps from it [m]
 POLE_RADIUS, WALL_LENGTH, WALL_THICKNESS = (0.08, 0.3), (1.0, 4.0), 0.2  # [m]
 SOLID_HEIGHT = (2.0, 6.0)  # [m]
+GRID = (1.5, 6.0), (-2.0, 2.0)  # drones wait so far behind a gate and beside its middle [m]
+GRID_ROOM = 0.6  # that is kept free around them [m]
 SPOTS = 200  # tried for every solid
 
 
@@ -39,6 +41,20 @@ def with_obstacles(rng: np.random.Generator, track: Track, number: int) -> Track
     return track
 
 
+def _grids(track: Track) -> np.ndarray:
+    """Places [P, 3] where drones may wait for a start before any of the gates."""
+    back, side = (np.ravel(axis) for axis in np.meshgrid(*(np.linspace(*ends, 5) for ends in GRID)))
+    places = []
+    for gate in track.gates:
+        forward, left = (
+            np.array([math.cos(gate.yaw), math.sin(gate.yaw)]),
+            np.array([-math.sin(gate.yaw), math.cos(gate.yaw)]),
+        )
+        flat = np.array(gate.position_w[:2]) - back[:, None] * forward + side[:, None] * left
+        places.append(np.column_stack([flat, np.full(len(flat), gate.position_w[2])]))
+    return np.concatenate(places)
+
+
 def _obstacle(rng: np.random.Generator, flown: np.ndarray) -> Obstacle:
     """A pole or a wall on the ground, somewhere beside a way."""
     x, y, _ = flown[rng.integers(len(flown))]
@@ -59,5 +75,8 @@ def _leaves_room(track: Track, flown: np.ndarray) -> bool:
     apart = [
         math.dist(last.centre_w[:2], one.centre_w[:2]) > (max(last.size[:2]) + max(one.size[:2])) for one in others
     ]
+    grids = clearance(last, tuple(_grids(track).T))
+    if bool((grids.distance < GRID_ROOM).any()):
+        return False
     way_is_clear = bool((clearance(last, tuple(flown.T)).distance >= BERTHS[0]).all())
     return all(apart) and way_is_clear and bool((clearance(last, tuple(gates.T)).beside >= reach).all())

@@ -66,12 +66,13 @@ def random_track(
         raise CruiseError(f"a random track has from 0 to {MOST_OBSTACLES} obstacles, not {obstacles}")
     if not 0 <= tilt <= STEEPEST_TILT:
         raise CruiseError(f"tilt must be from 0 to {math.degrees(STEEPEST_TILT):g} degrees, not {math.degrees(tilt):g}")
-    rng = np.random.default_rng([seed, gates, round(1e6 * difficulty)])
-    more = np.random.default_rng([seed, gates, round(1e6 * difficulty), obstacles, round(1e6 * tilt)])
+    drawn_from = [seed, gates, round(1e6 * difficulty)]
+    rng, tilts = np.random.default_rng(drawn_from), np.random.default_rng([*drawn_from, round(1e6 * tilt)])
     for _ in range(ATTEMPTS):
-        track = _track(f"random-{seed}", _tilted(more, _gates(rng, gates, difficulty), tilt))
+        track = _track(f"random-{seed}", _tilted(tilts, _gates(rng, gates, difficulty), tilt))
         if not track_faults(track) and is_flyable(track):
-            return with_obstacles(more, track, obstacles)
+            solids = np.random.default_rng([*drawn_from, round(1e6 * tilt), obstacles])
+            return with_obstacles(solids, track, obstacles)
     raise CruiseError(f"no track of {gates} gates and difficulty {difficulty} was found from seed {seed}: try another")
 
 

@@ -50,6 +50,11 @@ def load_track(name_or_path: StrPath) -> Track:
     return from_document(document)
 
 
+def is_name(name_or_path: StrPath) -> bool:
+    """Whether this is a track's name, so that it means the same everywhere."""
+    return isinstance(name_or_path, str) and (name_or_path == RANDOM or name_or_path in TRACKS)
+
+
 def load_one_track(name_or_path: StrPath) -> Track:
     """As `load_track`, for what needs to know where the gates are.
 

@@ -7,8 +7,10 @@ from matplotlib.axes import Axes
 
 from cruise.evaluation.metrics import overtakes
 from cruise.palette import drone_colour as colour
+from cruise.racing.shapes import opening
 from cruise.report.figure_style import FAINT, Style, tidy
 from cruise.report.race_scene import START_WIDTH, Scene, crashes, flown, style
+from cruise.storage.log_track import gates_of
 
 
 def draw_gaps(axes: Axes, scene: Scene) -> None:
@@ -42,11 +44,12 @@ def draw_speeds(axes: Axes, scene: Scene) -> None:
 def draw_heights(axes: Axes, scene: Scene) -> None:
     """Heights, and the openings of the gates as bars."""
     log = scene.log
+    heights = [opening(gate)[:, 2] for gate in gates_of(log)]
+    ends = [(float(rim.min()), float(rim.max())) for rim in heights]
     for crossing in range(log.gates_to_finish):
         gate = (log.next_gate[0, 0] + crossing) % log.num_gates
-        centre, half = log.gate_position[gate, 2], log.gate_size[gate, 1] / 2
-        opening = [max(centre - half, 0.0), centre + half]
-        axes.plot([crossing + 1] * 2, opening, color="#cfcfcf", linewidth=5, solid_capstyle="butt")
+        low, high = ends[gate]
+        axes.plot([crossing + 1] * 2, [max(low, 0.0), high], color="#cfcfcf", linewidth=5, solid_capstyle="butt")
     _over_gates(axes, scene, log.position_w[..., 2])
     tidy(axes, "Height (bars: openings of the gates)", ylabel="z [m]")
 

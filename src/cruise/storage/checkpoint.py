@@ -12,7 +12,7 @@ import numpy as np
 
 from cruise.errors import CruiseError
 from cruise.storage import tensors
-from cruise.storage.atomic import write_atomically
+from cruise.storage.atomic import write_atomically, writing
 from cruise.storage.config_file import parse_json
 
 CURRENT = "checkpoint.safetensors"
@@ -37,12 +37,10 @@ def save_checkpoint(folder: Path | str, tree: Any, meta: dict[str, Any]) -> None
     data = tensors.encode(arrays, {META: json.dumps(meta, allow_nan=False)})
     fresh = folder / f"{CURRENT}.new"
     write_atomically(fresh, data)
-    try:
+    with writing(folder / CURRENT):
         if (folder / CURRENT).exists():
             os.replace(folder / CURRENT, folder / PREVIOUS)
         os.replace(fresh, folder / CURRENT)
-    except OSError as error:
-        raise CruiseError(f"cannot write {folder / CURRENT}: {error.strerror or error}") from error
 
 
 def load_checkpoint(folder: Path | str, like: Tree) -> tuple[Tree, dict[str, Any]]:

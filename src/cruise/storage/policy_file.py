@@ -11,11 +11,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from cruise.config import ObservationKind, Vehicle
+from cruise.config import ObservationKind, Track, Vehicle
 from cruise.errors import CruiseError
 from cruise.pilots.network import ActorCritic, NetworkShape
 from cruise.pilots.neural import NeuralPilot
-from cruise.racing.track_file import RANDOM
+from cruise.racing.track_file import RANDOM, track_faults
 from cruise.storage import policy_paths, tensors
 from cruise.storage.atomic import read_bytes, write_atomically
 from cruise.storage.config_file import from_json, to_json
@@ -24,6 +24,7 @@ from cruise.vehicles import VEHICLES, name_of, vehicle_faults
 
 FORMAT_VERSION = 2  # 1: an extended observation in which opponents did not fade with distance
 MAX_WIDTH = 65_536  # of a layer
+STORED = np.float32  # whatever JAX computes with
 USUAL_VEHICLE = "paper"  # where nobody names another
 
 
@@ -43,6 +44,7 @@ class PolicyMeta:
     config: Any = field(default_factory=dict)  # of the run, resolved: a dataclass, read back as nested dictionaries
     results: dict[str, Any] = field(default_factory=dict)  # as `cruise evaluate --json` measured it
     steps_before: int = 0  # of the policy that this one learned on from, and of those before it
+    layout: Track | None = None  # the track itself, where it was kept; None where every race had another one
 
     @property
     def all_steps(self) -> int:
@@ -88,7 +90,7 @@ def save_policy(path: StrPath, params: ActorCritic, meta: PolicyMeta) -> Path:
     """
     stem = stem_of(Path(path))
     where = f"policy {stem}"
-    arrays = {name: np.asarray(leaf) for name, leaf in _named(params).items()}
+    arrays = {name: np.asarray(leaf, STORED) for name, leaf in _named(params).items()}
     network = params.shape
     _check_meta(meta, network, where)
     _check_params(arrays, network, where)
@@ -188,7 +190,8 @@ def _asked(track: str, drones: int, vehicle: str | Vehicle) -> str:
 
 def _template(network: NetworkShape) -> ActorCritic:
     """The networks as shapes."""
-    return eqx.filter_eval_shape(ActorCritic, network, 0.0, jax.random.key(0))
+    shapes = eqx.filter_eval_shape(ActorCritic, network, 0.0, jax.random.key(0))
+    return jax.tree.map(lambda leaf: jax.ShapeDtypeStruct(leaf.shape, STORED), shapes)
 
 
 def _named(params: Any) -> dict[str, Any]:
@@ -207,6 +210,8 @@ def _check_meta(meta: PolicyMeta, network: NetworkShape, where: str) -> None:
             raise CruiseError(f"{where}: {name} must be from 1 to {MAX_WIDTH}, got {size}")
     if not 0 < meta.agility < np.inf:
         raise CruiseError(f"{where}: agility must be above 0 and finite, got {meta.agility}")
+    if meta.layout is not None and (faults := track_faults(meta.layout)):
+        raise CruiseError(f"{where}: layout: {faults[0]}")
     if isinstance(meta.vehicle, Vehicle):
         for fault in vehicle_faults(meta.vehicle):
             raise CruiseError(f"{where}: vehicle {meta.vehicle.name!r}: {fault}")

@@ -1,6 +1,8 @@
 """Training in several processes, on one machine or many: who they are, and what they must agree on."""
 
+import hashlib
 import re
+from collections.abc import Callable
 from typing import Any, TypeVar
 
 import jax
@@ -10,6 +12,7 @@ from jax.experimental import multihost_utils
 
 from cruise.errors import CruiseError
 
+T = TypeVar("T")
 Tree = TypeVar("Tree")
 
 
@@ -50,6 +53,32 @@ def agreed(flag: bool) -> bool:
     if jax.process_count() == 1:
         return flag
     return bool(multihost_utils.broadcast_one_to_all(np.asarray(flag)))
+
+
+def on_first(action: Callable[[], T]) -> T | None:
+    """What the first process gets from doing something that may fail; None on the others.
+
+    Raises:
+        CruiseError: it failed; on every process, so that none waits for the others.
+    """
+    result, fault = None, None
+    if is_first():
+        try:
+            result = action()
+        except CruiseError as error:
+            fault = error
+    if agreed(fault is not None):
+        raise fault or CruiseError("the first process of this run could not go on, and says why")
+    return result
+
+
+def must_share(what: str, data: bytes) -> None:
+    """Raises CruiseError where this process has other bytes than the first."""
+    if jax.process_count() == 1:
+        return
+    mine = np.frombuffer(hashlib.sha256(data).digest(), np.uint8)
+    if not np.array_equal(multihost_utils.broadcast_one_to_all(mine), mine):
+        raise CruiseError(f"process {jax.process_index()} has another {what} than the first process of this run")
 
 
 def whole(tree: Tree) -> Tree:

@@ -1,6 +1,8 @@
 """What a training run logs: one row per update, in `metrics.jsonl` and for TensorBoard."""
 
+import contextlib
 import json
+import os
 import time
 from pathlib import Path
 from typing import Any
@@ -11,7 +13,7 @@ from tensorboardX.event_file_writer import EventsWriter
 from tensorboardX.proto.event_pb2 import Event, SessionLog
 from tensorboardX.proto.summary_pb2 import Summary
 
-from cruise.storage.atomic import write_atomically
+from cruise.storage.atomic import make_folder, read_bytes, write_atomically, writing
 from cruise.training.league import standing
 from cruise.training.trainer import Progress
 
@@ -27,41 +29,57 @@ class MetricsLog:
     """
 
     def __init__(self, folder: Path, updates: int) -> None:
-        """Open both logs and drop rows after update number `updates`."""
+        """Open both logs and drop rows after update number `updates`. Raises CruiseError as the others do."""
         self.path = folder / METRICS
         kept = [row for row in read_metrics(folder) if row["update"] <= updates]
         write_atomically(self.path, "".join(json.dumps(row) + "\n" for row in kept).encode())
-        self._file = self.path.open("a")
-        (folder / TENSORBOARD).mkdir(exist_ok=True)
-        self._board = EventsWriter(str(folder / TENSORBOARD / "events"), f".{time.time_ns()}")
+        make_folder(folder / TENSORBOARD)
         first = kept[-1]["steps"] + 1 if kept else 0  # TensorBoard forgets what older files hold from here on
-        self._board.write_event(Event(step=first, session_log=SessionLog(status=SessionLog.START)))
+        with writing(self.path):
+            self._file = self.path.open("ab", buffering=0)
+            self._board = EventsWriter(str(folder / TENSORBOARD / "events"), f".{time.time_ns()}")
+            self._board.write_event(Event(step=first, session_log=SessionLog(status=SessionLog.START)))
 
     def add(self, row: dict[str, Any]) -> None:
-        """Append one row; it reaches the disk at once."""
-        self._file.write(json.dumps(row) + "\n")
-        self._file.flush()
+        """Append one row, whole; it reaches the disk at once. Raises CruiseError where that fails."""
         numbers = [Summary.Value(tag=k, simple_value=v) for k, v in row.items() if isinstance(v, float)]
-        self._board.write_event(Event(wall_time=time.time(), step=row["steps"], summary=Summary(value=numbers)))
+        with writing(self.path):
+            self._append((json.dumps(row) + "\n").encode())
+            self._board.write_event(Event(wall_time=time.time(), step=row["steps"], summary=Summary(value=numbers)))
+
+    def _append(self, line: bytes) -> None:
+        size = os.fstat(self._file.fileno()).st_size
+        try:
+            while line:
+                line = line[self._file.write(line) :]
+        except OSError:
+            with contextlib.suppress(OSError):
+                self._file.truncate(size)
+            raise
 
     def flush(self) -> None:
-        """Bring to the disk what is still buffered: a run that resumes does not log it again."""
-        self._board.flush()
+        """Bring to the disk what is still buffered: a run that resumes does not log it again.
+
+        Raises CruiseError where that fails.
+        """
+        with writing(self.path):
+            self._board.flush()
 
     def close(self) -> None:
-        """Flush and close both logs."""
+        """Flush and close both logs. What cannot be written any more is lost: it was told before, or is not missed."""
         self._file.close()
-        self._board.close()
+        with contextlib.suppress(OSError):
+            self._board.close()
 
 
 def read_metrics(folder: Path) -> list[dict[str, Any]]:
     """Rows of a run's `metrics.jsonl`; a last line cut short by a crash is left out."""
     path = folder / METRICS
     rows = []
-    for line in path.read_text().splitlines() if path.exists() else []:
+    for line in read_bytes(path, "log").splitlines() if os.path.exists(path) else []:
         try:
             rows.append(json.loads(line))
-        except json.JSONDecodeError:
+        except ValueError:
             break
     return rows
 

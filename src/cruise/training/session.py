@@ -14,17 +14,21 @@ import jax
 from cruise import __version__
 from cruise.config import Track, TrainConfig, Vehicle
 from cruise.errors import CruiseError
+from cruise.storage.atomic import make_folder
 from cruise.storage.checkpoint import CURRENT, load_checkpoint, save_checkpoint
-from cruise.storage.config_file import load_config, save_config
+from cruise.storage.config_file import load_config, save_config, to_json
+from cruise.storage.file_lock import Busy, hold, release
 from cruise.storage.policy_file import PolicyMeta, read_meta, save_policy
 from cruise.training import hosts
 from cruise.training.curriculum import Phase
 from cruise.training.initial_state import initial_state
 from cruise.training.metrics_log import MetricsLog, metrics_row
+from cruise.training.run_track import check_track, keep_track
 from cruise.training.trainer import Progress, Trainer, TrainingDiverged
 from cruise.training.types import TrainState
 
 CONFIG = "config.json"
+LOCK = "run.lock"
 
 
 class Interrupted(KeyboardInterrupt):
@@ -55,7 +59,10 @@ class _StopRequest:
 
 
 class Session:
-    """One run in one folder. Iterate over it to train."""
+    """One run in one folder. Iterate over it to train.
+
+    No other process can run in that folder until this one calls `close` or ends.
+    """
 
     def __init__(
         self,
@@ -70,36 +77,63 @@ class Session:
         """Open a folder: a new one, or with `resume` that of an earlier run, on whatever `devices` there are now.
 
         Raises:
-            CruiseError: the folder holds a run already, or none to resume, or it cannot be written.
+            CruiseError: the folder holds a run already, or none to resume, or it cannot be written; another process
+                runs in it; or the run is resumed on another track.
         """
         self.folder, self.config, self.track = folder, config, track
         self.trainer = Trainer(config, track, vehicle, devices)
         self.seconds_before, self.steps_before = 0.0, 0
+        hosts.must_share("configuration or track", (to_json(config) + to_json(track)).encode())
+        self._track_checksum = ""
         self.state = self._resume() if resume else self._begin()
 
     def _resume(self) -> TrainState:
         """The newest checkpoint, which the first process alone needs to have."""
-        shape, state = self.trainer.state_shape(), None
-        if hosts.is_first():
-            state, meta = load_checkpoint(self.folder, shape)
-            self.seconds_before, self.steps_before = float(meta["seconds"]), int(meta.get("steps_before", 0))
-        return hosts.from_first(state, shape)
+        shape = self.trainer.state_shape()
+        return hosts.from_first(hosts.on_first(lambda: self._load(shape)), shape)
+
+    def _load(self, shape: TrainState) -> TrainState:
+        self._hold()
+        state, meta = load_checkpoint(self.folder, shape)
+        self._track_checksum = check_track(self.folder, self.track, meta.get("track_sha256"))
+        self.seconds_before, self.steps_before = float(meta["seconds"]), int(meta.get("steps_before", 0))
+        return state
 
     def _begin(self) -> TrainState:
         """A new run on disk. The configuration comes last: where there is one, there is a checkpoint to go on from."""
-        if hosts.is_first() and os.path.exists(
-            self.folder / CONFIG
-        ):  # Path.exists raises where a folder may not be entered
-            raise CruiseError(
-                f"{self.folder} holds a run already: go on with {self.resume_command}, or choose another --out"
-            )
+        hosts.on_first(self._must_be_new)
         state = initial_state(self.trainer)
         if self.config.start_from:
             self.steps_before = read_meta(self.config.start_from).all_steps
+        hosts.on_first(self._take_folder)
         self._write_checkpoint(state, 0.0, 0)
-        if hosts.is_first():
-            save_config(self.folder / CONFIG, self.config)
+        hosts.on_first(lambda: save_config(self.folder / CONFIG, self.config))
         return state
+
+    def _must_be_new(self) -> None:
+        if os.path.exists(self.folder / CONFIG):  # Path.exists raises where a folder may not be entered
+            raise CruiseError(
+                f"{self.folder} holds a run already: go on with {self.resume_command}, or choose another --out"
+            )
+
+    def _take_folder(self) -> None:
+        """Nothing is written before everything else is known to be right."""
+        make_folder(self.folder)
+        self._hold()
+        self._must_be_new()  # still: another process may have been faster
+        self._track_checksum = keep_track(self.folder, self.track)
+
+    def _hold(self) -> None:
+        try:
+            hold(self.folder / LOCK)
+        except Busy:
+            raise Busy(
+                f"another process is training the run in {self.folder}: wait, or choose another folder"
+            ) from None
+
+    def close(self) -> None:
+        """Let other processes have the folder."""
+        release(self.folder / LOCK)
 
     @property
     def resume_command(self) -> str:
@@ -153,7 +187,7 @@ class Session:
         state = hosts.whole(state)  # all processes must take part
         if hosts.is_first():
             told = {"seconds": seconds, "steps": steps, "steps_before": self.steps_before, "version": __version__}
-            save_checkpoint(self.folder, state, told)
+            save_checkpoint(self.folder, state, told | {"track_sha256": self._track_checksum})
 
     def finish(self, measure: Callable[[Path], dict[str, Any]]) -> Path:
         """Write the finished policy, then again with the results that `measure` finds for it; returns its path."""
@@ -163,7 +197,7 @@ class Session:
 
     def _write_policy(self, stem: str, phase: Phase, results: dict[str, Any]) -> Path:
         meta = PolicyMeta(
-            name=f"{self.folder.name}/{stem}",
+            name=f"{self.folder.absolute().name}/{stem}",
             track=self.track.name,
             drones=self.config.drones,
             vehicle=self.config.vehicle,
@@ -175,6 +209,7 @@ class Session:
             config=self.config,
             results=results,
             steps_before=self.steps_before,
+            layout=None if self.track.variants else self.track,
         )
         return save_policy(self.folder / f"{stem}.safetensors", self.state.model, meta)
 

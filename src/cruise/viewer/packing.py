@@ -49,6 +49,7 @@ def pack_race(log: RaceLog, label: str, ghost: RaceLog | None = None) -> dict[st
         "drones": drones,
         "ranking": list(result.ranking),
         "events": _pack_events(log),
+        "said": {kind.stored: kind.said for kind in EventKind},
     }
 
 

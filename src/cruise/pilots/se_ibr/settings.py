@@ -76,7 +76,7 @@ def style_for(vehicle: Vehicle) -> Style:
 def read_tuned(path: Path) -> dict[str, Style]:
     """Styles by track from a file that `cruise tune-planner` wrote. Raises CruiseError where it is not one."""
     try:
-        tracks = json.loads(path.read_text())["tracks"]
+        tracks = json.loads(path.read_bytes())["tracks"]
         return {name: Style(*(float(entry["style"][key]) for key in STYLE_KEYS)) for name, entry in tracks.items()}
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise CruiseError(f"{path} is no file of `cruise tune-planner`: {error!r}") from None

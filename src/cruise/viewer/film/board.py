@@ -6,10 +6,11 @@ from typing import NamedTuple
 import numpy as np
 from PIL import Image, ImageDraw
 
+from cruise.racing.shapes import opening
 from cruise.viewer.painting import look
 from cruise.viewer.painting.camera import Camera
 from cruise.viewer.painting.look import Colour, font
-from cruise.viewer.painting.scenery import Scenery, opening
+from cruise.viewer.painting.scenery import Scenery
 from cruise.viewer.standings import Course, Standing
 
 SAID = 2.2  # how long a sentence stays [s]

@@ -7,11 +7,13 @@ import numpy as np
 
 from cruise import geometry
 from cruise.config import Gate, Track
+from cruise.racing.shapes import ROUND, opening
 from cruise.racing.solids import Outline, outlines
+from cruise.storage.log_track import gates_of, solids_of
 from cruise.storage.race_log import RaceLog
 
-ROUND = 32  # corners of what is round
 PATCH = 1.0  # large faces are cut into pieces of about this size, each of which has one depth [m]
+MOST_CUTS = 40  # of a face along one side
 SPARE = 0.9  # that a view leaves above gates [m]
 TALLEST = 2.5  # solids are looked for no higher than this above the highest gate [m]
 
@@ -38,25 +40,7 @@ def track_scenery(track: Track) -> Scenery:
 
 def log_scenery(log: RaceLog) -> Scenery:
     """Of the track that a race was flown on."""
-    rows = zip(log.gate_position.tolist(), log.gate_yaw.tolist(), log.gate_size.tolist(), strict=True)
-    gates = tuple(Gate((x, y, z), yaw, width, height) for (x, y, z), yaw, (width, height) in rows)
-    return Scenery(gates, log.frame_width, ())
-
-
-def opening(gate: Gate, beyond: float = 0.0) -> np.ndarray:
-    """The rim of an opening, or of its frame `beyond` [m] it, counter-clockwise as seen in flight [P, 3]."""
-    half_width, half_height = gate.width / 2 + beyond, gate.height / 2 + beyond
-    if gate.shape == "round":
-        angle = 2 * np.pi * np.arange(ROUND) / ROUND
-        left, up = half_width * np.cos(angle), half_width * np.sin(angle)
-    else:
-        left, up = (
-            side * np.array(signs) for side, signs in ((half_width, (1, 1, -1, -1)), (half_height, (-1, 1, 1, -1)))
-        )
-    offset = geometry.from_gate(
-        geometry.heading_of(gate.yaw), (np.zeros_like(left), left, up), geometry.tilt_of(gate.roll, gate.pitch)
-    )
-    return np.array(gate.position_w) + np.stack(offset, axis=1)
+    return Scenery(gates_of(log), log.frame_width, solids_of(log))
 
 
 def beams(gate: Gate, inner: float, outer: float) -> Iterator[np.ndarray]:
@@ -110,7 +94,7 @@ def _cylinder(solid: Outline) -> Iterator[Patch]:
 
 
 def _cuts(half: float) -> list[tuple[float, float]]:
-    ends = np.linspace(-half, half, max(1, round(2 * half / PATCH)) + 1)
+    ends = np.linspace(-half, half, min(max(1, round(2 * half / PATCH)), MOST_CUTS) + 1)
     return list(zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True))
 
 
