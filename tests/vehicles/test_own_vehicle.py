@@ -7,7 +7,7 @@ import pytest
 
 import cruise
 from cruise.adapters.options import RaceOptions, set_up
-from cruise.cli.train import Train
+from cruise.cli.main import parse
 from cruise.config import TrainConfig
 from cruise.errors import CruiseError
 from cruise.evaluation.matches import make_match
@@ -90,7 +90,7 @@ def test_the_vehicle_in_a_policy_is_checked(heavy_file, tmp_path):
 
 def test_a_vehicle_of_a_file_is_trained_as_what_it_is_flown_by(heavy_file):
     heavy = cruise.load_vehicle(heavy_file)
-    chosen = Train.usual(["--vehicle", str(heavy_file)]).config
+    chosen = parse(["train", "--vehicle", str(heavy_file)]).config
     assert chosen == training_config(heavy)
     assert chosen == replace(training_config("racer"), vehicle=heavy)
     assert chosen.reward == REWARDS["agile"]

@@ -188,7 +188,7 @@ def _one_line(boxed: str) -> str:
     """The parser's message without its frame, and without the help that `--help` gives."""
     words = boxed.translate({ord(c): " " for c in FRAME}).split()
     message = " ".join(word for word in words if word.strip("-"))
-    for title in ("Parsing error ", "Unrecognized options ", "Value error "):
+    for title in ("Parsing error ", "Unrecognized options ", "Value error ", "Error parsing --vehicle: "):
         message = message.removeprefix(title)
     message = message.partition(" Argument helptext: ")[0]
     return re.sub(r"no type matching .* Got errors: .* - <class [^>]*>: ", "", message)
