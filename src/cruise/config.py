@@ -207,6 +207,13 @@ class StartPlace:
 
 
 @dataclass(frozen=True)
+class StartPlaces:
+    """Drones wait at the first ones of these places, dealt out by chance."""
+
+    places: tuple[StartPlace, ...]
+
+
+@dataclass(frozen=True)
 class StartLine:
     """Drones wait side by side, however many."""
 
@@ -215,7 +222,7 @@ class StartLine:
     spacing: float  # of neighbours [m]
 
 
-Start = tuple[StartPlace, ...] | StartLine
+Start = StartPlaces | StartLine
 
 
 @dataclass(frozen=True)

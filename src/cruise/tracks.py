@@ -3,7 +3,7 @@
 import math
 from dataclasses import replace
 
-from cruise.config import Gate, StartPlace, Track, Vec3
+from cruise.config import Gate, StartPlace, StartPlaces, Track, Vec3
 
 
 def _ring() -> Track:
@@ -136,6 +136,8 @@ _UZH = replace(
     bounds_high=(14.0, 9.0, 6.0),
     start_gate=0,
 )
-_UZH = replace(_UZH, start=_on_arc(_UZH.gates[0], (-5.0, 4.7, 0.61), math.radians(-45.0), (0, 1, 2, 3, -1, 4, -2, 5)))
+_UZH = replace(
+    _UZH, start=StartPlaces(_on_arc(_UZH.gates[0], (-5.0, 4.7, 0.61), math.radians(-45.0), (0, 1, 2, 3, -1, 4, -2, 5)))
+)
 PUBLISHED_TRACKS: dict[str, Track] = {track.name: track for track in (_SPLIT_S, _A2RL, _DELFT, _UZH)}
 TRACKS: dict[str, Track] = PAPER_TRACKS | PUBLISHED_TRACKS

@@ -61,7 +61,7 @@ def test_gates_without_room_are_no_first_gates() -> None:
 def test_the_places_of_a_track_are_dealt_out_by_chance() -> None:
     track = TRACKS["uzh-2026"]
     start = draw(track, 4)
-    places = np.array([place.position_w for place in track.start[:4]])
+    places = np.array([place.position_w for place in track.start.places[:4]])
     nearest = np.linalg.norm(start.position_w[:, :, None] - places.T[:, None, :, None], axis=0).argmin(axis=1)
     assert (np.sort(nearest, axis=0) == np.arange(4)[:, None]).all()
     assert all(0.15 < (nearest[0] == place).mean() < 0.35 for place in range(4))

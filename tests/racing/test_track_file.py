@@ -12,7 +12,7 @@ import pytest
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
-from cruise.config import Gate, Pole, StartLine, StartPlace, Track, Wall
+from cruise.config import Gate, Pole, StartLine, StartPlace, StartPlaces, Track, Wall
 from cruise.errors import CruiseError
 from cruise.presets import TRACKS, VEHICLES
 from cruise.racing.track_file import (
@@ -178,14 +178,14 @@ def test_zurichs_track_is_raced_though_two_of_its_frames_overlap():
     track = TRACKS["uzh-2026"]
     assert track_faults(track) == []
     assert track_warnings(track) == ["gate 4: its frame overlaps that of gate 5, openings apart"]
-    assert track.start[0].position_w == pytest.approx((-5.0, 4.7, 0.61))
-    apart = [math.dist(a.position_w, b.position_w) for a, b in itertools.combinations(track.start, 2)]
+    assert track.start.places[0].position_w == pytest.approx((-5.0, 4.7, 0.61))
+    apart = [math.dist(a.position_w, b.position_w) for a, b in itertools.combinations(track.start.places, 2)]
     assert min(apart) == pytest.approx(1.0, abs=2e-3)  # along the arc
 
 
 SOLIDS = (Pole((12.0, 3.0, 0.0), 4.0, 0.1), Wall((14.0, -3.0, 1.0), (2.0, 0.2, 2.0), yaw=0.5))
 STARTS = {
-    "places": (StartPlace((-3.0, 0.0, 1.0), 0.25), StartPlace((-3.0, 2.0, 1.0), -0.5)),
+    "places": StartPlaces((StartPlace((-3.0, 0.0, 1.0), 0.25), StartPlace((-3.0, 2.0, 1.0), -0.5))),
     "line": StartLine((-3.0, 0.0, 1.0), 0.1, 0.8),
 }
 

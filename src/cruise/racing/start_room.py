@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cruise.config import Gate, StartLine, Track, Vec3
+from cruise.config import Gate, StartLine, StartPlaces, Track, Vec3
 from cruise.errors import CruiseError
 from cruise.racing.clearance import clearance
 from cruise.racing.solids import outlines
@@ -69,8 +69,10 @@ def start_plan(track: Track, drones: int) -> StartPlan | None:
 def start_places(track: Track, drones: int) -> list[tuple[Vec3, float]]:
     """The places that the track says, for a line as many as there are drones."""
     start = track.start
-    if not isinstance(start, StartLine):
-        return [(place.position_w, place.yaw) for place in (start or ())]
+    if start is None:
+        return []
+    if isinstance(start, StartPlaces):
+        return [(place.position_w, place.yaw) for place in start.places]
     (x, y, z), left = start.middle_w, (-math.sin(start.yaw), math.cos(start.yaw))
     sideways = [(i - (drones - 1) / 2) * start.spacing for i in range(drones)]
     return [((x + left[0] * s, y + left[1] * s, z), start.yaw) for s in sideways]

@@ -10,7 +10,7 @@ from typing import Any
 
 import tomli_w
 
-from cruise.config import Gate, Start, StartLine, StartPlace, Track, Vec3
+from cruise.config import Gate, Start, StartLine, StartPlace, StartPlaces, Track, Vec3
 from cruise.errors import CruiseError
 from cruise.files import write_whole
 from cruise.presets import TRACKS
@@ -193,7 +193,9 @@ def _start_table(start: Start) -> dict[str, Any]:
     if isinstance(start, StartLine):
         yaw = schema.angle_key("yaw", start.yaw)
         return {"middle": list(start.middle_w), **yaw, "spacing": start.spacing}
-    return {"places": [{"position": list(place.position_w), **schema.angle_key("yaw", place.yaw)} for place in start]}
+    return {
+        "places": [{"position": list(place.position_w), **schema.angle_key("yaw", place.yaw)} for place in start.places]
+    }
 
 
 def from_document(document: schema.Table) -> Track:
@@ -234,7 +236,7 @@ def _start(table: schema.Table) -> Start:
     if "places" not in table:
         return StartLine(schema.vec3(table["middle"]), schema.angle(table, "yaw"), float(table["spacing"]))
     places = table["places"]
-    return tuple(StartPlace(schema.vec3(place["position"]), schema.angle(place, "yaw")) for place in places)
+    return StartPlaces(tuple(StartPlace(schema.vec3(one["position"]), schema.angle(one, "yaw")) for one in places))
 
 
 def _bounds(document: schema.Table, gates: Iterable[Gate]) -> tuple[Vec3, Vec3]:
