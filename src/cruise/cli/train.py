@@ -10,7 +10,7 @@ import tyro
 from rich.console import Console
 from tyro.constructors import PrimitiveConstructorSpec
 
-from cruise.cli.compilation import prepare_training
+from cruise.cli.compilation import prepare_training, start_jax
 from cruise.cli.line_up import described
 from cruise.cli.progress import make_screen
 from cruise.cli.watch import Watch
@@ -83,6 +83,7 @@ class Train:
         prepare_training()
         if self.coordinator or self.process:
             self._join()
+        start_jax()
         from cruise.api_training import CURVES, finish_run  # noqa: PLC0415  (imports JAX, as the next four do)
         from cruise.training.devices import choose_devices  # noqa: PLC0415
         from cruise.training.hosts import is_first  # noqa: PLC0415
