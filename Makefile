@@ -155,7 +155,7 @@ $(VENV)/.made:
 
 $(VENV)/.installed: $(VENV)/.made pyproject.toml constraints.txt
 	@echo "Installing CRUISE into $(VENV): a minute or two, once."
-	@$(INSTALL) .
+	@$(INSTALL) . openskill
 	@touch $@
 
 $(VENV)/.installed-sb3: $(VENV)/.installed

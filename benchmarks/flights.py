@@ -13,10 +13,10 @@ from cruise.env.types import RaceState, Rules
 from cruise.errors import CruiseError
 from cruise.evaluation.matches import evaluate_match, make_match, run_races
 from cruise.pilots.base import Pilot, crews
-from cruise.pilots.cockpit import seat
 from cruise.pilots.named import NAMED
+from cruise.pilots.python_pilot import separate_python_pilots
 from cruise.presets import TRACKS, VEHICLES
-from cruise.rollout import CHUNK, act_together, fly, team_rules
+from cruise.rollout import CHUNK, act_together, first_memories, fly, team_rules
 from cruise.storage.policy_file import shipped_name
 
 RACES = 100
@@ -34,11 +34,11 @@ def pilot_of(drones: int) -> str:
 
 def step_cost(env: RaceEnv, team: Sequence[Pilot], rules: Rules, races: int) -> Cost:
     """Of one control step of so many races: everyone's pilot, then the environment."""
-    groups, _ = seat(env, crews(team))
+    groups, _ = separate_python_pilots(env, crews(team))
 
     def begin(key: Array) -> tuple[RaceState, tuple]:
         state = env.reset(key, (races,))
-        return state, tuple(crew.pilot.init(env, crew.drones, state) for crew in groups)
+        return state, first_memories(env, groups, state)
 
     def step(state: RaceState, memories: tuple, key: Array) -> tuple:
         memories, action = act_together(env, groups, memories, state, key)

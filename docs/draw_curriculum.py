@@ -9,11 +9,11 @@ from matplotlib.figure import Figure
 import cruise
 from cruise.presets import CURRICULUM
 from cruise.report.figure_style import BLUE, FAINT, INK, ORANGE, VERMILION, new_figure, tidy
-from cruise.report.paths_figure import gate_corners
 from cruise.report.race_scene import style
 from cruise.storage.policy_file import read_policy
 from cruise.storage.race_log import EventKind, RaceLog
 from cruise.training.metrics_log import read_metrics
+from experiments.figures.paths import gate_corners
 
 IMAGES = Path(__file__).parent / "images"
 SEED = 3  # of the races that are drawn

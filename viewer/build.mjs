@@ -27,7 +27,7 @@ async function makePage() {
   const licence = (await text("node_modules/three/LICENSE")).trim();
   const banner = `/*! Holds three.js.\n${licence}\n*/`;
   const script = inScript(await bundle("src/main.js", { format: "iife", banner: { js: banner } }));
-  const style = await bundle("src/page.css");
+  const style = `${colours(JSON.parse(await text("../src/cruise/palette.json")))}\n${await bundle("src/page.css")}`;
   const hash = createHash("sha256").update(script).digest("base64");
   // Nothing may be loaded from anywhere; a live page may listen to the server that it came from.
   const policy = [
@@ -41,6 +41,15 @@ async function makePage() {
   ].join("; ");
   const page = await text("src/page.html");
   return { page: fill(page, { policy, style, script }), licence: `${licence}\n` };
+}
+
+/** Custom properties of both schemes, `--ink` and so on. */
+function colours({ dark, light }) {
+  const rule = (selector, { ui }) =>
+    `${selector} { ${Object.entries(ui)
+      .map(([name, value]) => `--${name}: ${value};`)
+      .join(" ")} }`;
+  return [rule(":root", dark), rule(':root[data-theme="light"]', light)].join("\n");
 }
 
 /** Text that does not end the script element it stands in. */

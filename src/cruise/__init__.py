@@ -9,17 +9,21 @@ if TYPE_CHECKING:
     from cruise.adapters.doors import parallel_env, vector_parallel_env
     from cruise.api import evaluate, load_policy, load_track, make_env, race, replay
     from cruise.api_training import train
+    from cruise.config import Vehicle
     from cruise.errors import CruiseError
     from cruise.racing.random_track import random_track
+    from cruise.vehicles import load_vehicle
 
 __version__ = "0.1.0"
 
 __all__ = [
     "CruiseError",
+    "Vehicle",
     "__version__",
     "evaluate",
     "load_policy",
     "load_track",
+    "load_vehicle",
     "make_env",
     "parallel_env",
     "race",
@@ -31,6 +35,8 @@ __all__ = [
 
 _HOMES = {
     "CruiseError": "cruise.errors",
+    "Vehicle": "cruise.config",
+    "load_vehicle": "cruise.vehicles",
     "parallel_env": "cruise.adapters.doors",
     "random_track": "cruise.racing.random_track",
     "train": "cruise.api_training",

@@ -14,7 +14,7 @@ from cruise.precision import single_precision
 from cruise.racing.track_file import load_track
 from cruise.storage.policy_file import load_policy
 from cruise.storage.race_log import RaceLog
-from cruise.vehicles import find_vehicle
+from cruise.vehicles import VehicleChoice, load_vehicle
 from cruise.viewer.page import write_replay
 
 __all__ = ["evaluate", "load_policy", "load_track", "make_env", "race", "replay"]
@@ -26,7 +26,7 @@ TrackChoice = Track | str | os.PathLike[str]
 def make_env(
     track: TrackChoice = "ring",
     drones: int = 4,
-    vehicle: str = "paper",
+    vehicle: VehicleChoice = "paper",
     observation: ObservationKind = "extended",
     reward: RewardWeights | None = None,
 ) -> RaceEnv:
@@ -39,7 +39,7 @@ def make_env(
     Args:
         track: a track, the name of a built-in one (`ring`, `figure-eight`), or the path of a TOML file.
         drones: how many race.
-        vehicle: name of a preset.
+        vehicle: a vehicle, the name of a built-in one (`paper`, `racer`), or the path of a TOML file.
         observation: what `env.observe` gives.
         reward: weights; by default those that the shipped policies were trained with.
 
@@ -48,7 +48,7 @@ def make_env(
     """
     if not 1 <= drones <= matches.MAX_DRONES:
         raise CruiseError(f"drones must be from 1 to {matches.MAX_DRONES}, got {drones}")
-    return make_race_env(_track(track), drones, find_vehicle(vehicle), observation, reward)
+    return make_race_env(_track(track), drones, load_vehicle(vehicle), observation, reward)
 
 
 @single_precision
@@ -58,7 +58,7 @@ def race(
     pilots: PilotChoice | Sequence[PilotChoice] | None = None,
     laps: int | None = None,
     seed: int = 0,
-    vehicle: str | None = None,
+    vehicle: VehicleChoice | None = None,
     randomise: float = 0.0,
 ) -> RaceLog:
     """Fly one race from a random standing start and give its log.
@@ -71,7 +71,8 @@ def race(
             this track and number of drones.
         laps: by default the track's.
         seed: the same seed gives the same race.
-        vehicle: name of the vehicle that all fly; by default the one that the pilots were made for, or `paper`.
+        vehicle: what all fly: a vehicle, the name of a built-in one, or the path of a TOML file. By default what the
+            pilots were made for, or `paper`; they also fly another vehicle whose actions mean the same, if you ask so.
         randomise: how far the race differs from what vehicle and track say, as a share of `presets.RANDOMISATION`.
 
     Returns:
@@ -91,7 +92,7 @@ def evaluate(
     pilots: PilotChoice | Sequence[PilotChoice] | None = None,
     episodes: int = 100,
     seed: int = 0,
-    vehicle: str | None = None,
+    vehicle: VehicleChoice | None = None,
     randomise: float = 0.0,
 ) -> Evaluation:
     """Measure pilots over many races, each from a fresh random start.

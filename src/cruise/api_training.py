@@ -8,16 +8,17 @@ from cruise.config import TrainConfig
 from cruise.evaluation.matches import evaluate_policy
 from cruise.pilots.neural import NeuralPilot
 from cruise.precision import single_precision
-from cruise.presets import VEHICLES
 from cruise.processor import use_wide_vectors
-from cruise.racing.random_track import training_track
+from cruise.racing.random_track import training_track, unseen_tracks
+from cruise.racing.track_file import RANDOM
 from cruise.report.training_figure import draw_training
 from cruise.storage.policy_file import load_policy
 from cruise.training.devices import use_cores
 from cruise.training.metrics_log import read_metrics
 from cruise.training.session import Session, default_folder
 from cruise.training.trainer import Progress
-from cruise.training.validation import check_config
+from cruise.training.validation import check_config, owning_vehicle
+from cruise.vehicles import find_vehicle
 
 __all__ = ["finish_run", "train"]
 
@@ -43,12 +44,12 @@ def train(
     Raises:
         CruiseError: the configuration cannot work, the folder holds a run already, or training diverged.
     """
-    config = config or TrainConfig()
+    config = owning_vehicle(config or TrainConfig())
     check_config(config)
     use_wide_vectors()
     use_cores()
     folder = Path(out) if out else default_folder(config)
-    session = Session(folder, config, training_track(config), VEHICLES[config.vehicle])
+    session = Session(folder, config, training_track(config), find_vehicle(config.vehicle))
     try:
         for progress in session:
             if show:
@@ -60,7 +61,8 @@ def train(
 
 def finish_run(session: Session, episodes: int) -> Path:
     """Measure the policy of a run that has ended, write it with its results, draw the curves; give its path."""
-    path = session.finish(lambda policy: evaluate_policy(policy, session.track, episodes))
+    track = unseen_tracks() if session.config.track == RANDOM else session.track  # never those it was trained on
+    path = session.finish(lambda policy: evaluate_policy(policy, track, episodes))
     title = f"{session.track.name}, {session.config.drones} drones, seed {session.config.seed}"
     draw_training(read_metrics(session.folder), title, session.folder / CURVES)
     return path

@@ -1,13 +1,18 @@
 """What a race and a training run are made of, as plain frozen data. Knows nothing of JAX."""
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, fields
 from typing import Literal
+
+from cruise import actions
+from cruise.actions import Action, Control, YawControl
 
 Vec3 = tuple[float, float, float]
 Integrator = Literal["euler", "semi_implicit", "midpoint", "rk4"]
-Control = Literal["acceleration", "velocity", "position", "ctbr"]
+FlownBy = Literal["cascade", "rotors"]
+OWN_CONTROLS: dict[FlownBy, tuple[Control, ...]] = {"cascade": ("acceleration",), "rotors": ("ctbr", "attitude")}
 ObservationKind = Literal["extended", "paper", "body", "body-near"]
 GateShape = Literal["rectangle", "round"]
+NetworkKind = Literal["mlp", "gru"]
 SelfPlayMode = Literal["within", "after", "off"]
 OUR_SIMULATOR = "cruise"  # what moves the drones where no other is named
 
@@ -66,11 +71,20 @@ class Battery:
 
 
 @dataclass(frozen=True)
+class AttitudeLimits:
+    """What an attitude loop around the rates may be asked for; its gain is `Tracking.attitude_gain`."""
+
+    highest_tilt: float = 0.9  # roll and pitch that can be commanded, below a quarter turn [rad]
+    yaw: YawControl = "rate"  # an action says how fast to yaw, or where to
+
+
+@dataclass(frozen=True)
 class Airframe:
     """What makes a quadrotor fly by collective thrust and body rates."""
 
     rotors: Rotors
     rates: Rates = field(default_factory=Rates)
+    attitude: AttitudeLimits = field(default_factory=AttitudeLimits)
     drag: Drag = field(default_factory=Drag)
     delay: float = 0.0  # from an action to its effect; 0: none [s]
     longest_delay: float = 0.0  # that randomisation may ask for [s]
@@ -91,7 +105,7 @@ class Tracking:
 
 @dataclass(frozen=True)
 class Vehicle:
-    """A quadrotor and the loop that flies it.
+    """A quadrotor, the loop that flies it and what it is told, its `action`.
 
     The controller reads one action every `control_dt` and the body is integrated in `substeps` equal steps. Without an
     airframe it is the paper's: a cascade of PD laws whose wrench acts on the body as it is, held over the whole step.
@@ -107,12 +121,44 @@ class Vehicle:
     substeps: int = 1
     collision_distance: float = 0.25  # two drones nearer than this have collided [m]
     source: str = "CRUISE paper and its repository"
-    control: Control = "acceleration"  # what an action means
+    control: Control = "acceleration"  # what an action means; see `action`
     agility: float = 7.5  # usual scale of the action, alpha: the largest commanded acceleration or thrust [m/s^2]
     collision_aspect: float = 1.0  # height per width of the ellipsoid in which two drones collide; 1: a sphere
     flip_ends: bool = True  # rolling or pitching past 90 degrees is a crash
     tracking: Tracking = field(default_factory=Tracking)
     airframe: Airframe | None = None
+    indoors: bool = False  # full randomisation brings a draught, not a breeze
+
+    @property
+    def flown_by(self) -> FlownBy:
+        """What carries it: rotors that lag and saturate, or the paper's cascade, whose wrench acts at once."""
+        return "cascade" if self.airframe is None else "rotors"
+
+    @property
+    def told_directly(self) -> bool:
+        """Whether an action is what its own loop takes, and not a reference that is tracked around that loop."""
+        return self.control in OWN_CONTROLS[self.flown_by]
+
+    @property
+    def action(self) -> Action:
+        """What it is told at every control step, at its usual agility."""
+        tracking, airframe = self.tracking, self.airframe
+        if self.control == "velocity":
+            return actions.velocity(tracking.speed)
+        if self.control == "position":
+            return actions.position(tracking.reach)
+        if self.control == "acceleration" or airframe is None:
+            return actions.acceleration(self.agility)
+        rates = airframe.rates.highest
+        if self.control == "ctbr":
+            return actions.ctbr(self.agility, self.gravity, rates)
+        limits = airframe.attitude
+        return actions.attitude(self.agility, self.gravity, limits.highest_tilt, limits.yaw, rates[2])
+
+    @property
+    def randomisable(self) -> frozenset[str]:
+        """Fields of `Randomisation` that mean something for it: gates and sensors for all, body and air with rotors."""
+        return AROUND_THE_VEHICLE if self.airframe is None else AROUND_THE_VEHICLE | OF_BODY_AND_AIR
 
 
 @dataclass(frozen=True)
@@ -187,121 +233,131 @@ class Stage:
 class RewardWeights:
     """Weights of the reward's components that do not change with the stage.
 
-    The first eight are the paper's; the others are zero there. `docs/reward.md` justifies the default.
+    `--reward-preset paper` has the printed values; `w_edge` and `w_near`, which the paper does not have, are 0 there.
+    `docs/reward.md` has the equations and why the default differs.
     """
 
-    w_prox: float = 0.0
-    proximity_decay: float = 2.0  # a
-    proximity_range: float = 10.0  # x = distance / range [m]
-    w_prog: float = 0.45
-    progress_scale: float = 2.5  # beta [1/m]
-    progress_to: Literal["opening", "centre"] = "opening"  # where the distance of prox and prog ends
-    pay_up_to_v_min: bool = False  # progress faster than the stage's v_min earns no more than at v_min
-    w_align: float = 0.02
-    w_speed: float = 0.05
-    speed_zero_at: Literal["rest", "v_min"] = "rest"  # at this speed its component is zero, at v_min the highest
-    overtake_sign: Literal["fixed", "paper"] = "fixed"
-    overtake_range: float = 3.0  # overtaking counts against opponents nearer than this [m]
-    gate_bonus: float = 10.0  # reward of the step that passes a gate, in place of the terms of flight
-    w_edge: float = 40.0  # per metre that a crossing lies outside the opening shrunk by `edge_margin`
-    edge_margin: float = 0.2  # [m]
-    w_near: float = 0.5  # per metre that the nearest opponent is closer than `near_distance`
-    near_distance: float = 1.2  # [m]
-    clip: float = 1.0  # each step's sum is clipped to [-clip, clip], a gate's bonus to what it is
-    terminal: float = -10.0  # reward of the step that ends an episode, outside the clip
+    w_prox: float = 0.0  # Weight of the proximity term `prox`.
+    proximity_decay: float = 2.0  # Exponent a of the proximity term.
+    proximity_range: float = 10.0  # Distances are divided by this in the proximity term [m].
+    w_prog: float = 0.45  # Weight of the progress term `prog`.
+    progress_scale: float = 2.5  # Progress per metre nearer to the gate, beta [1/m].
+    progress_to: Literal["opening", "centre"] = "opening"  # Point of the gate that prox and prog measure to.
+    pay_up_to_v_min: bool = False  # No extra reward for progress faster than the stage's v_min.
+    w_align: float = 0.02  # Weight of the alignment term `align`.
+    w_speed: float = 0.05  # Weight of the speed term `speed`.
+    speed_zero_at: Literal["rest", "v_min"] = "rest"  # Speed at which its term is zero; at v_min it is highest.
+    overtake_sign: Literal["fixed", "paper"] = "fixed"  # `paper`: as printed, it rewards being overtaken.
+    overtake_range: float = 3.0  # Only opponents nearer than this count as overtaken [m].
+    gate_bonus: float = 10.0  # Reward of a step that passes a gate; replaces the flight terms.
+    w_edge: float = 40.0  # Penalty per metre that a crossing is nearer to the frame than `edge_margin`.
+    edge_margin: float = 0.2  # Distance from the frame that costs nothing [m].
+    w_near: float = 0.5  # Penalty per metre that the nearest opponent is closer than `near_distance`.
+    near_distance: float = 1.2  # Distance from an opponent that costs nothing [m].
+    clip: float = 1.0  # Limit of each step's sum, on both sides; a gate's bonus is limited to its own size.
+    terminal: float = -10.0  # Reward of a step that ends in a crash; not clipped.
 
 
 @dataclass(frozen=True)
 class PPOConfig:
-    """Proximal policy optimisation."""
+    """Hyperparameters of proximal policy optimisation (PPO)."""
 
-    races: int = 512  # E, simulated in parallel
-    rollout_steps: int = 64  # T, per update
-    epochs: int = 4
-    minibatches: int = 16
-    learning_rate: float = 1e-3
-    final_learning_rate: float = 1e-4  # reached linearly at the end of the run
-    gamma: float = 0.99
-    gae_lambda: float = 0.98
-    after_crash: Literal["restart", "nothing"] = "restart"  # the future that a crash leaves to the value function
-    clip_ratio: float = 0.2
-    value_weight: float = 0.5
-    entropy_weight: float = 0.005  # of the entropy bonus, until `entropy_hold`
-    entropy_hold: float = 0.0  # share of the run after which the bonus falls, linearly
-    entropy_end: float = 1.0  # share of the run after which there is none
-    max_grad_norm: float = 0.5
-    hidden: tuple[int, ...] = (64, 64)
-    initial_log_std: float = -0.5
-    max_log_std: float = 0.0  # of the policy's Gaussian; the environment clips actions to [-1, 1]
-    caution_distance: float = 5.0  # an opponent nearer than this narrows the noise in proportion; 0: none does [m]
-    least_noise: float = 0.1  # share of the noise that caution leaves
-    company_distance: float = 0.0  # advantages with an opponent nearer than this stand apart; 0: none do [m]
+    races: int = 512  # Number of parallel environments (races), E.
+    rollout_steps: int = 64  # Steps per environment and update, T.
+    epochs: int = 4  # Passes over each rollout.
+    minibatches: int = 16  # Minibatches per epoch.
+    learning_rate: float = 1e-3  # Adam's learning rate at the start.
+    final_learning_rate: float = 1e-4  # Learning rate at the end; it falls linearly.
+    gamma: float = 0.99  # Discount factor per step.
+    gae_lambda: float = 0.98  # Lambda of generalised advantage estimation (GAE).
+    after_crash: Literal["restart", "nothing"] = "restart"  # Value after a crash: of the restart, or 0.
+    clip_ratio: float = 0.2  # Clip range of the probability ratio.
+    value_weight: float = 0.5  # Weight of the value loss.
+    entropy_weight: float = 0.005  # Weight of the entropy bonus at the start.
+    entropy_hold: float = 0.0  # Share of the run after which the entropy bonus begins to fall, linearly.
+    entropy_end: float = 1.0  # Share of the run after which the entropy bonus is zero.
+    max_grad_norm: float = 0.5  # Gradient clipping: largest global norm.
+    network: NetworkKind = "mlp"  # mlp: multilayer perceptrons; gru: recurrent, a policy with memory.
+    memory_size: int = 64  # Units of the recurrent state (gru).
+    hidden: tuple[int, ...] = (64, 64)  # Units of each hidden layer.
+    initial_log_std: float = -0.5  # Log standard deviation of the actions at the start.
+    max_log_std: float = 0.0  # Largest log standard deviation; the environment clips actions to [-1, 1].
+    caution_distance: float = 5.0  # Exploration noise shrinks with an opponent nearer than this; 0: never [m].
+    least_noise: float = 0.1  # Smallest factor by which an opponent nearby scales the exploration noise.
+    company_distance: float = 0.0  # Steps with an opponent nearer get advantages normalised apart; 0: none [m].
 
 
 @dataclass(frozen=True)
 class SelfPlayConfig:
     """Iterative self-play (Algorithm 1)."""
 
-    self_play: SelfPlayMode = "within"  # every stage, after the curriculum flown alone, or never
-    evaluate_every: int = 500_000  # T_eval, environment steps
-    win_threshold: float = 0.6  # tau
-    patience: int = 2  # evaluations short of tau after which opponents are replaced all the same; 0: never
-    sparring_share: float = 0.1  # of the opponents in training that chase gates by hand, at many speeds; 0: none
-    league: int = 0  # places for past policies, which fly the opponents of half the races; 0: the newest fly all
-    founders: tuple[str, ...] = ()  # names or paths of policies that hold a place in the league from the start
-    vary_field: bool = False  # a race in training has 1 to N drones, each number as often
-    evaluation_races: int = 100  # n_eval
-    evaluation_steps: int = 300  # length of an evaluation episode, in control steps
+    self_play: SelfPlayMode = "within"  # Self-play in every stage, only after the curriculum, or never.
+    evaluate_every: int = 500_000  # Environment steps between evaluations, T_eval.
+    win_threshold: float = 0.6  # Win rate at which the policy replaces its opponents, tau.
+    patience: int = 2  # Failed evaluations after which it replaces them all the same; 0: never.
+    sparring_share: float = 0.1  # Share of training opponents that are scripted pilots of many speeds.
+    league: int = 0  # Number of past policies kept as opponents, in half of the races; 0: only the latest.
+    founders: tuple[str, ...] = ()  # Policies (names or paths) that stay in the league from start to end.
+    vary_field: bool = False  # Train in races of 1 to N drones, uniformly drawn, in place of N.
+    evaluation_races: int = 100  # Races per evaluation, n_eval.
+    evaluation_steps: int = 300  # Time limit of an evaluation race [control steps].
 
 
 @dataclass(frozen=True)
 class Randomisation:
-    """How far a race may be from what vehicle and track say, drawn anew for every race; 0 changes nothing.
+    """Domain randomisation: how far vehicle, air, gates and sensors may be from nominal, drawn for every race; 0: off.
 
-    A spread is the largest relative deviation, drawn evenly from both sides. An error is the standard deviation of what
-    a sensor is wrong by for a whole race; half as much white noise comes on top of it at every control step.
+    A spread s scales by U(1 - s, 1 + s). A sensor error is a normal bias of that standard deviation for the whole race,
+    plus white noise of half of it at every control step.
     """
 
-    mass_spread: float = 0.0
-    inertia_spread: float = 0.0
-    thrust_spread: float = 0.0  # of what the rotors give
-    drag_spread: float = 0.0
-    lag_spread: float = 0.0  # of the time constants of rotors and of the rate loop
-    clip_share: float = 0.0  # most of a demand's cut to the rotors' limits that is made rotor by rotor, not by priority
-    extra_delay: float = 0.0  # longest, beyond the vehicle's own, from an action to its effect [s]
-    wind_speed: float = 0.0  # strongest, steady and level, from anywhere [m/s]
-    gust_speed: float = 0.0  # root mean square along every axis [m/s]
-    gate_shift: float = 0.0  # farthest along every axis [m]
-    gate_turn: float = 0.0  # largest, about the vertical [rad]
-    position_error: float = 0.0  # along every axis [m]
-    velocity_error: float = 0.0  # along every axis [m/s]
-    attitude_error: float = 0.0  # about every axis [rad]
-    rate_error: float = 0.0  # about every axis [rad/s]
+    mass_spread: float = 0.0  # Largest relative error of the mass.
+    inertia_spread: float = 0.0  # Largest relative error of each moment of inertia.
+    thrust_spread: float = 0.0  # Largest relative error of the rotors' thrust and torque.
+    drag_spread: float = 0.0  # Largest relative error of the drag coefficients.
+    lag_spread: float = 0.0  # Largest relative error of the time constants of rotors and rate loop.
+    clip_share: float = 0.0  # Largest share of a saturated command that is clipped per rotor, not by priority.
+    extra_delay: float = 0.0  # Largest extra action delay [s].
+    wind_speed: float = 0.0  # Largest speed of a steady horizontal wind [m/s].
+    gust_speed: float = 0.0  # Root mean square of the turbulence, per axis [m/s].
+    gate_shift: float = 0.0  # Largest displacement of a gate, per axis [m].
+    gate_turn: float = 0.0  # Largest rotation of a gate about the vertical [rad].
+    position_error: float = 0.0  # Standard deviation of the position estimate, per axis [m].
+    velocity_error: float = 0.0  # Standard deviation of the velocity estimate, per axis [m/s].
+    attitude_error: float = 0.0  # Standard deviation of the attitude estimate, per axis [rad].
+    rate_error: float = 0.0  # Standard deviation of the angular velocity estimate, per axis [rad/s].
 
     def scaled(self, factor: float) -> "Randomisation":
         """All of it so many times as strong."""
         return Randomisation(**{name: factor * value for name, value in asdict(self).items()})
 
 
+AROUND_THE_VEHICLE = frozenset(
+    {"gate_shift", "gate_turn", "position_error", "velocity_error", "attitude_error", "rate_error"}
+)
+OF_BODY_AND_AIR = frozenset(field.name for field in fields(Randomisation)) - AROUND_THE_VEHICLE
+
+
 @dataclass(frozen=True)
 class TrainConfig:
     """Everything a training run depends on."""
 
-    track: str = "ring"  # name of a built-in track, path of a TOML file, or `random`
-    drones: int = 4
-    seed: int = 0
-    vehicle: str = "paper"
-    start_from: str = ""  # name or path of a policy that learns on; none: from scratch
-    against: str = ""  # name or path of a policy that flies all opponents and never changes; none: self-play
-    observation: ObservationKind = "extended"
-    vanilla: bool = False  # train on the last stage alone, from scratch, for as many steps
-    step_scale: float = 1.0  # multiplies every stage's budget
-    episode_steps: int = 300  # time limit of a training episode, in control steps
-    collision_distance: float = 0.4  # two drones nearer than this collide while training [m]
-    checkpoint_seconds: float = 30.0
+    track: str = "ring"  # Name of a built-in track, a TOML file, or `random`.
+    drones: int = 4  # Drones per race: the learner and its opponents.
+    seed: int = 0  # Seed of all random numbers of the run.
+    vehicle: str | Vehicle = "paper"  # Name of a built-in vehicle, a TOML file, or a vehicle of your own.
+    start_from: str = ""  # Policy (name or path) whose parameters training starts from; none: random ones.
+    against: str = ""  # Policy (name or path) that flies all opponents, fixed: train a best response; none: self-play.
+    observation: ObservationKind = "extended"  # What the policy observes.
+    critic_observation: str = ""  # What the value network observes, without sensor errors; none: as the policy.
+    vanilla: bool = False  # Train on the last stage only, for as many steps as all stages.
+    step_scale: float = 1.0  # Multiplies the training steps of every stage.
+    episode_steps: int = 300  # Time limit of a training episode, after which it is truncated [control steps].
+    collision_distance: float = 0.4  # Distance at which two drones collide in training [m].
+    checkpoint_seconds: float = 30.0  # Time between checkpoints [s].
     reward: RewardWeights = field(default_factory=RewardWeights)
     ppo: PPOConfig = field(default_factory=PPOConfig)
     opponents: SelfPlayConfig = field(default_factory=SelfPlayConfig)
     randomisation: Randomisation = field(default_factory=Randomisation)
-    milder_share: float = 0.0  # of the races in training that differ by less than that, by any part of it as often
-    nominal_share: float = 0.0  # of the races in training that do not differ at all
+    milder_share: float = 0.0  # Share of randomised training races whose randomisation is scaled by U(0, 1).
+    nominal_share: float = 0.0  # Share of training races without randomisation.

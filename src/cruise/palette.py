@@ -1,7 +1,16 @@
-"""Colours of drones, the same in every picture, film and page."""
+"""Colours, declared once in `palette.json`, which the build of viewer/ reads as well."""
+
+import json
+from importlib import resources
+from typing import Any
+
+COLOURS: dict[str, Any] = json.loads(resources.files("cruise").joinpath("palette.json").read_text(encoding="utf-8"))
 
 # Okabe and Ito's colours, distinct to colour-blind eyes, without yellow, which white swallows.
-DRONE_COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#000000")
+DRONE_COLOURS: tuple[str, ...] = tuple(COLOURS["drones"])
+BLUE, ORANGE, GREEN, PINK, SKY, VERMILION, BLACK = DRONE_COLOURS
+# Of figures: writing and lines, what is said in passing, grids, gates, poles and walls.
+INK, FAINT, GRID, GATE, SOLID = (COLOURS["figures"][name] for name in ("ink", "faint", "grid", "gate", "solid"))
 
 
 def drone_colour(drone: int) -> str:

@@ -13,7 +13,7 @@ from cruise.config import (
     Vehicle,
 )
 from cruise.tracks import PAPER_TRACKS, PUBLISHED_TRACKS, TRACKS
-from cruise.vehicles import VEHICLES
+from cruise.vehicles import VEHICLES, find_vehicle, reference_to
 
 __all__ = [
     "CURRICULA",
@@ -25,6 +25,8 @@ __all__ = [
     "REWARDS",
     "TRACKS",
     "VEHICLES",
+    "curriculum_of",
+    "full_randomisation",
     "training_config",
     "training_randomisation",
 ]
@@ -76,9 +78,12 @@ def _agile_curriculum(vehicle: Vehicle, steps: int = 20_000_000) -> tuple[Stage,
     )
 
 
-CURRICULA: dict[str, tuple[Stage, ...]] = {
-    name: CURRICULUM if vehicle.airframe is None else _agile_curriculum(vehicle) for name, vehicle in VEHICLES.items()
-}
+def curriculum_of(vehicle: Vehicle) -> tuple[Stage, ...]:
+    """Theta_k of a vehicle: the paper's table, or with rotors its own."""
+    return {"cascade": lambda: CURRICULUM, "rotors": lambda: _agile_curriculum(vehicle)}[vehicle.flown_by]()
+
+
+CURRICULA: dict[str, tuple[Stage, ...]] = {name: curriculum_of(vehicle) for name, vehicle in VEHICLES.items()}
 
 REWARDS: dict[str, RewardWeights] = {
     "default": RewardWeights(),
@@ -136,13 +141,17 @@ _REAL = replace(
     wind_speed=3.0,
     gust_speed=1.0,
 )
+_INDOORS = replace(_REAL, wind_speed=1.0, gust_speed=0.3)
 MAX_RANDOMISE = 2.0  # times as strong as full
-RANDOMISATION: dict[str, Randomisation] = {
-    "paper": _SENSED,  # its body, controller and air are the paper's
-    "racer": _REAL,
-    "racer-5": _REAL,
-    "crazyflie": replace(_REAL, wind_speed=1.0, gust_speed=0.3),  # flown indoors
-}
+
+
+def full_randomisation(vehicle: Vehicle) -> Randomisation:
+    """What counts as all that a vehicle may differ by, as far as it can differ at all (`Vehicle.randomisable`)."""
+    full = _INDOORS if vehicle.indoors else _REAL
+    return Randomisation(**{name: getattr(full, name) for name in vehicle.randomisable})
+
+
+RANDOMISATION: dict[str, Randomisation] = {name: full_randomisation(vehicle) for name, vehicle in VEHICLES.items()}
 
 # One opponent, or none, leaves room for bolder learning than two or three: smaller updates, faster, with more noise for
 # longer. Among four drones the same is too much: half of them crash.
@@ -157,27 +166,38 @@ _BOLD = PPOConfig(
 )
 
 
-def training_randomisation(vehicle: str, share: float) -> Randomisation:
+def training_randomisation(vehicle: str | Vehicle, share: float) -> Randomisation:
     """So much of a vehicle's full randomisation; but a demand is cut in one way or the other: both must be known."""
-    full = RANDOMISATION[vehicle]
+    full = full_randomisation(find_vehicle(vehicle))
     return replace(full.scaled(share), clip_share=full.clip_share) if share else Randomisation()
 
 
-def training_config(vehicle: str = "paper", drones: int = TrainConfig.drones) -> TrainConfig:
-    """What so many drones of a vehicle are trained with where nobody says otherwise."""
-    if vehicle == "paper":
-        crowded = drones > 3
-        return TrainConfig(
-            drones=drones,
-            # In a crowd who crashes does so soon after the start: in 30 s drones start twice as often as in 60 s.
-            episode_steps=300 if crowded else 600,
-            ppo=_BOLD if drones <= 2 else PPOConfig(),
-            # As many partners as opponents in a race: of three one in ten is enough, one in five disturbs the rest.
-            opponents=SelfPlayConfig(sparring_share=0.1 if crowded else 0.2),
-        )
+def training_config(vehicle: str | Vehicle = "paper", drones: int = TrainConfig.drones) -> TrainConfig:
+    """What so many drones of a vehicle are trained with where nobody says otherwise.
+
+    The recipe is that of what the vehicle is flown by, `Vehicle.flown_by`.
+    """
+    found = find_vehicle(vehicle)
+    recipe = {"cascade": _cascade_recipe, "rotors": _agile_recipe}[found.flown_by]
+    return replace(recipe(found, drones), vehicle=reference_to(found))
+
+
+def _cascade_recipe(vehicle: Vehicle, drones: int) -> TrainConfig:
+    del vehicle
+    crowded = drones > 3
     return TrainConfig(
         drones=drones,
-        vehicle=vehicle,
+        # In a crowd who crashes does so soon after the start: in 30 s drones start twice as often as in 60 s.
+        episode_steps=300 if crowded else 600,
+        ppo=_BOLD if drones <= 2 else PPOConfig(),
+        # As many partners as opponents in a race: of three one in ten is enough, one in five disturbs the rest.
+        opponents=SelfPlayConfig(sparring_share=0.1 if crowded else 0.2),
+    )
+
+
+def _agile_recipe(vehicle: Vehicle, drones: int) -> TrainConfig:
+    return TrainConfig(
+        drones=drones,
         observation="body",
         episode_steps=600 if drones == 1 else 300,  # 12 s; with others 6 s, because fields soon draw out
         reward=REWARDS["agile"],

@@ -15,7 +15,7 @@ from cruise.env.surroundings import MovedGates, perceive
 from cruise.env.types import Collisions, RaceState, Rules, race_rules
 from cruise.errors import CruiseError
 from cruise.pilots.base import Crew, Memory, Pilot, crews
-from cruise.pilots.cockpit import seat
+from cruise.pilots.python_pilot import PythonPilots, separate_python_pilots
 from cruise.racing.gates import Crossing
 
 CHUNK = 128  # control steps flown between two looks at whether every race is over
@@ -38,6 +38,7 @@ class Flight(NamedTuple):
     action: np.ndarray  # [K, A, N, *B]
     crossing: Crossing  # [K, N, *B] each
     collisions: Collisions  # [K, N, *B] each, bool
+    further: tuple[Crossing, ...] = ()  # likewise, of the gates after the target: see `StepOutcome`
     moved: MovedGates | None = None  # NumPy, where races differ in their gates
 
 
@@ -55,6 +56,7 @@ class _Step(NamedTuple):
     action: Array
     crossing: Crossing
     collisions: Collisions
+    further: tuple[Crossing, ...]
 
 
 class _Carry(NamedTuple):
@@ -104,14 +106,14 @@ def fly_from(
     """Fly races on from `state`; see `fly`. The result does not depend on `chunk`."""
     if len(team) != env.num_drones:
         raise CruiseError(f"a race of {env.num_drones} drones needs {env.num_drones} pilots, not {len(team)}")
-    groups, cockpits = seat(env, crews(team))
-    chunk = 1 if cockpits else chunk  # pilots in plain Python are asked between two steps
-    memories = tuple(crew.pilot.init(env, crew.drones, state) for crew in groups)
+    groups, python_pilots = separate_python_pilots(env, crews(team))
+    chunk = 1 if python_pilots else chunk  # pilots in plain Python are asked between two steps
+    memories = first_memories(env, groups, state)
     carry = _Carry(state, memories, jnp.int32(0))
     pieces: list[_Step] = []
     while len(pieces) * chunk < steps:
-        if cockpits:
-            carry = carry._replace(memories=cockpits.ask(carry.state, carry.memories))
+        if python_pilots:
+            carry = carry._replace(memories=ask_python(python_pilots, carry.memories, carry.state))
         carry, piece, last = _fly_chunk(env, groups, rules, carry, key, chunk)
         pieces.append(jax.tree.map(np.asarray, piece))
         if not np.asarray(last.airborne).any():
@@ -136,11 +138,36 @@ def _fly_chunk(
         memories, action = act_together(env, groups, carry.memories, state, jax.random.fold_in(key, carry.step))
         action = jnp.where(state.airborne, action, 0.0)
         after, outcome = env.step(state, action, rules)
-        record = _Step(_sample(env, state), action, outcome.crossing, outcome.collisions)
+        record = _Step(_sample(env, state), action, outcome.crossing, outcome.collisions, outcome.further)
         return _Carry(after, memories, carry.step + 1), record
 
     carry, steps = jax.lax.scan(step, carry, length=chunk)
     return carry, steps, _sample(env, carry.state)
+
+
+@eqx.filter_jit
+def _measured(state: RaceState) -> RaceState:
+    return perceive(state)
+
+
+def first_memories(env: RaceEnv, groups: tuple[Crew, ...], state: RaceState) -> tuple:
+    """The crews' memories at the start of races, which they see as they will see them later.
+
+    Raises:
+        CruiseError: a pilot cannot fly in this environment.
+    """
+    measured = perceive(state)
+    return tuple(crew.pilot.init(env, crew.drones, measured) for crew in groups)
+
+
+def ask_python(pilots: PythonPilots, memories: tuple, state: RaceState) -> tuple:
+    """The crews' memories with the next actions of the pilots in plain Python, which see what `act_together` shows.
+
+    Raises:
+        CruiseError: as `PythonPilots.ask`.
+    """
+    measured = state if state.surroundings.errors is None else _measured(state)
+    return pilots.ask(measured, memories)
 
 
 def act_together(
@@ -148,7 +175,7 @@ def act_together(
 ) -> tuple[tuple, Array]:
     """The crews' new memories, and every crew's actions in the order of the drones [A, N, *B].
 
-    Pilots are shown the race as their drones measure it.
+    Pilots are shown the race as their drones measure it: here, in `first_memories`, and in `ask_python`.
     """
     env, state = _observing_once(env), perceive(state)
     remembered: list[Memory] = []
@@ -201,4 +228,5 @@ def _join(env: RaceEnv, pieces: list[_Step], last: _Sample, steps: int) -> Fligh
         action=joined.action,
         crossing=joined.crossing,
         collisions=joined.collisions,
+        further=joined.further,
     )

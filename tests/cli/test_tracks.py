@@ -181,3 +181,23 @@ def test_what_no_random_track_can_be_is_said_in_one_line(arguments, words):
     told = cruise("tracks", *arguments)
     assert (told.returncode, told.stdout) == (2, "")
     assert told.stderr == f"error: {words}\n"
+
+
+STRANGE = "[red]prize $5[/red] :cat:"
+
+
+def test_a_name_is_printed_as_it_is(tmp_path, capsys):
+    """Brackets are no markup, and colons no pictures."""
+    path = tmp_path / "track.toml"
+    path.write_text(f'name = "{STRANGE}"\n[[gates]]\nposition = [0, 0, 2]\nyaw_deg = 0\n')
+    assert main(["tracks", "show", str(path)]) == 0
+    assert f"{STRANGE} (metres, degrees)" in capsys.readouterr().out
+
+
+def test_tilt_and_solids_are_shown(capsys):
+    assert main(["tracks", "random", "--seed", "1", "--obstacles", "4", "--tilt", "20"]) == 0
+    shown = capsys.readouterr().out
+    assert "pitch" in shown
+    assert shown.count("pole ") + shown.count("wall ") == 4
+    assert main(["tracks", "random", "--seed", "1"]) == 0
+    assert "pitch" not in capsys.readouterr().out

@@ -7,20 +7,26 @@ from cruise.config import Randomisation, TrainConfig
 from cruise.presets import CURRICULA, RANDOMISATION, VEHICLES, training_config
 
 
-def test_vehicles_are_listed_with_their_sources(capsys, monkeypatch):
-    monkeypatch.setenv("COLUMNS", "200")
-    assert main(["vehicles"]) == 0
-    rows = {line.split()[1]: line for line in capsys.readouterr().out.splitlines() if line.startswith("\u2502")}
+@pytest.mark.parametrize("command", [["vehicles"], ["vehicles", "list"]])
+def test_vehicles_are_listed_with_their_sources(command, capsys, monkeypatch):
+    """In 80 columns, where no word is broken: the sources stand below the table."""
+    monkeypatch.setenv("COLUMNS", "80")
+    assert main(command) == 0
+    output = capsys.readouterr().out
+    rows = {line.split()[1]: line for line in output.splitlines() if line.startswith("\u2502")}
     assert list(rows) == list(VEHICLES)
     assert "3.30" in rows["racer"]
-    assert "Foerster 2015" in rows["crazyflie"]
+    assert "acceleration" in rows["paper"]
+    for vehicle in VEHICLES.values():
+        assert f"{vehicle.name}\n  {vehicle.source}\n" in output
 
 
 @pytest.mark.parametrize("command", ["race --pilot chaser", "evaluate --pilot chaser", "train"])
 def test_an_unknown_vehicle_is_refused_in_one_line(command, capsys):
     assert main([*command.split(), "--vehicle", "rcer"]) == 2
     error = capsys.readouterr().err
-    assert error == "error: unknown vehicle 'rcer': did you mean 'racer'? vehicles: paper, racer, racer-5, crazyflie\n"
+    known = "built-in vehicles: paper, racer, racer-5, crazyflie; or give a TOML file's path"
+    assert error == f"error: unknown vehicle 'rcer': did you mean 'racer'? {known}\n"
 
 
 def config_of(*flags):

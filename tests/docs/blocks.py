@@ -31,7 +31,7 @@ MINIATURE = {
 AS_IT_IS = ({"reproduce", "--report-only"}, {"limit", "paper"})  # take seconds, and no flag makes them shorter
 WATCHED = "--watch"  # serves until somebody stops it: tests/viewer/test_live.py does
 WITH_OTHERS = "--coordinator"  # waits for the other processes: tests/training/test_processes.py has them
-SWEEP = "sweep"  # starts Ray: tests/reproduction/test_sweep.py does
+SWEEP = "sweep"  # starts Ray: tests/experiments/test_sweep.py does
 
 
 class Block(NamedTuple):
@@ -119,12 +119,13 @@ def _cruise(block: Block, arguments: list[str]) -> None:
 def _pip(arguments: list[str]) -> None:
     """What is to be installed is the package with extras that it has, and pinned releases of others."""
     extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+    pinned = {line.split("==")[0] for line in (ROOT / "constraints.txt").read_text().splitlines()}
     assert arguments[0] == "install"
     for word in arguments[1:]:
         if found := re.fullmatch(r"(?:\.|cruise-racing)\[([\w,]+)\]", word):
             assert set(found[1].split(",")) <= set(extras), word
         else:
-            assert word in ("-e", "-c", "constraints.txt") or "==" in word, word
+            assert word in ("-e", "-c", "constraints.txt") or "==" in word or word in pinned, word
 
 
 def _module_or_script(arguments: list[str]) -> None:

@@ -170,6 +170,31 @@ def test_gusts_are_as_strong_as_asked_and_die_down() -> None:
     assert abs(related[2]) < 0.5
 
 
+def test_no_lap_meets_the_air_of_the_lap_before() -> None:
+    """Whatever a lap lasts, up to a minute, the air of a race is not the same again."""
+    phase = jax.random.uniform(jax.random.key(2), (3, 4, 60), maxval=2 * jnp.pi)
+    times = jnp.arange(0, 180, 0.1)
+    air = np.asarray(jax.vmap(lambda t: gust_w(Gusts(jnp.ones(60), phase), jnp.full(60, t)))(times))
+    energy = (air**2).mean()
+    alike = [(air[lag:] * air[:-lag]).mean() / energy for lag in range(20, 600)]
+    assert max(alike) < 0.9
+
+
+def test_all_drag_spreads_quadratic_drag_too() -> None:
+    """Each term by its own deviation; a term that is off stays out of the state."""
+    drag = dataclasses.replace(RACER.airframe.drag, quadratic=0.03)
+    body = dataclasses.replace(RACER, airframe=dataclasses.replace(RACER.airframe, drag=drag))
+    for vehicle, there in ((body, True), (RACER, False)):
+        draw = quick_jit(perturbation(RING, vehicle, Randomisation(drag_spread=0.4)), static_argnums=1)
+        parameters = draw(jax.random.key(0), (2, RACES)).parameters
+        assert (parameters.quadratic_drag is not None) == there
+        if there:
+            deviation = np.asarray(parameters.quadratic_drag) / 0.03 - 1
+            assert 0.35 < np.abs(deviation).max() <= 0.4001
+            linear = np.asarray(parameters.horizontal_drag) / drag.horizontal - 1
+            assert abs(np.corrcoef(deviation.ravel(), linear.ravel())[0, 1]) < 0.15
+
+
 def test_gusts_push_a_drone_by_its_drag() -> None:
     """At rest, a = d_h w / m in the plane of the rotors."""
     strong = Gusts(jnp.full(1, 5.0), jnp.full((3, 4, 1), jnp.pi / 2))

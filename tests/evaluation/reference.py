@@ -9,6 +9,7 @@ import numpy as np
 
 MISS_REACH = 5.0
 FLIP = np.pi / 2
+SHARES = np.linspace(0.0, 1.0, 4001)  # of a step
 
 
 def read(path):
@@ -28,30 +29,28 @@ def replay(log):
     airborne, events = [flying.copy()], []
     for k in range(samples - 1):
         start, end = position[k], position[k + 1]
-        out, done = set(), set()
-        for drone in np.flatnonzero(flying):
+        met = {drone: list(alone(log, k, drone)) for drone in np.flatnonzero(flying)}
+        met = {drone: [(kind, share, gate, -1) for kind, share, gate in hits] for drone, hits in met.items()}
+        for drone, share, other in meetings(log, start, end, flying):
+            met[drone].append(("drone", share, -1, other))
+        for drone, hits in met.items():
+            crash = min((share for _, share, *_ in hits), default=2.0)
             gate = target[drone]
             ahead, _, share, beyond = plane(log, gate, start[drone], end[drone])
-            time = (k + share) * log["control_dt"]
-            if ahead and beyond <= 0:
+            time, finished = (k + share) * log["control_dt"], False
+            if ahead and share <= crash and beyond <= 0:
                 events.append(("crossing", drone, time, gate, -1))
                 target[drone] = (gate + 1) % gates
                 passed[drone] += 1
-                if passed[drone] == log["laps"] * gates + 1:
-                    done.add((drone, time, gate))
-            elif ahead and log["frame_width"] < beyond <= MISS_REACH:
+                finished = passed[drone] == log["laps"] * gates + 1
+                if finished:
+                    events.append(("finish", drone, time, gate, -1))
+            elif ahead and share <= crash and log["frame_width"] < beyond <= MISS_REACH:
                 events.append(("missed_gate", drone, time, gate, -1))
-            for kind, share, struck in alone(log, k, drone):
-                events.append((f"collision_{kind}", drone, (k + share) * log["control_dt"], struck, -1))
-                out.add(drone)
-        for drone, share, other in meetings(log, start, end, flying):
-            events.append(("collision_drone", drone, (k + share) * log["control_dt"], -1, other))
-            out.add(drone)
-        for drone, time, gate in done:
-            if drone not in out:
-                events.append(("finish", drone, time, gate, -1))
-        for drone in out | {drone for drone, *_ in done}:
-            flying[drone] = False
+            if not finished:
+                first = [hit for hit in hits if hit[1] <= crash + 1e-9]
+                events += [(f"collision_{a}", drone, (k + b) * log["control_dt"], c, d) for a, b, c, d in first]
+            flying[drone] &= not (finished or hits)
         airborne.append(flying.copy())
     return events, np.array(airborne)
 
@@ -73,36 +72,54 @@ def plane(log, gate, start, end):
 def alone(log, k, drone):
     """Collisions of a drone with the world in step k: kind, share of the step, gate."""
     start, end = log["position_w"][k : k + 2, drone].astype(np.float64)
+    struck = []
     for gate in range(len(log["gate_yaw"])):
         ahead, back, share, beyond = plane(log, gate, start, end)
         if (ahead or back) and 0 < beyond <= log["frame_width"]:
-            yield "gate_frame", share, gate
-    if end[2] <= 0:
-        yield "ground", 1.0, -1
+            struck.append((share, gate))
+    if struck:
+        yield "gate_frame", *min(struck)
+    points = start + SHARES[:, None] * (end - start)
     low, high = log["bounds"]
-    nearest = np.linalg.norm(log["gate_position"] - end, axis=1).min()
-    if (end > high).any() or (end < low)[:2].any() or nearest > log["leave_distance"]:
+    if end[2] <= 0:
+        yield "ground", SHARES[(points[:, 2] <= 0).argmax()], -1
+    outside = (points > high).any(axis=1) | (points < low)[:, :2].any(axis=1)
+    if outside[-1]:
+        yield "bounds", SHARES[outside.argmax()], -1
+    elif np.linalg.norm(log["gate_position"] - end, axis=1).min() > log["leave_distance"]:
         yield "bounds", 1.0, -1
+    for kind in ("pole", "wall"):
+        inside = np.any([within(log, solid, points) for solid in np.flatnonzero(log["solid_kind"] == kind)], axis=0)
+        if np.any(inside):
+            yield kind, SHARES[inside.argmax()], -1
     if (np.abs(log["euler"][k + 1, drone, :2]) > FLIP).any():
         yield "flip", 1.0, -1
 
 
+def within(log, solid, points):
+    """Which points lie in a solid."""
+    yaw, half = log["solid_yaw"][solid], log["solid_size"][solid] / 2
+    x, y, z = (points - log["solid_position"][solid]).T
+    along, across = np.cos(yaw) * x + np.sin(yaw) * y, np.cos(yaw) * y - np.sin(yaw) * x
+    level = np.hypot(x, y) <= half[0] if log["solid_shape"][solid] == "cylinder" else np.abs(across) <= half[1]
+    return level & (np.abs(along) <= half[0]) & (np.abs(z) <= half[2])
+
+
 def meetings(log, start, end, flying):
     """Drones that come too near another: share of the step at which they do, and the nearest other. By sampling."""
-    shares = np.linspace(0.0, 1.0, 4001)
     for drone in np.flatnonzero(flying):
         nearest = {}
         for other in np.flatnonzero(flying):
             if other != drone:
                 gap = start[other] - start[drone]
                 motion = (end[other] - end[drone]) - gap
-                nearest[other] = np.linalg.norm(gap + shares[:, None] * motion, axis=1)
+                nearest[other] = np.linalg.norm(gap + SHARES[:, None] * motion, axis=1)
         if not nearest:
             continue
         other = min(nearest, key=lambda o: nearest[o].min())
         near = nearest[other] < log["collision_distance"]
         if near.any():
-            yield drone, shares[near.argmax()], other
+            yield drone, SHARES[near.argmax()], other
 
 
 def measure(log):

@@ -7,16 +7,22 @@ import math
 import numpy as np
 import pytest
 
+from cruise.config import Pole, Wall
 from cruise.evaluation.matches import make_match, run_races
-from cruise.evaluation.metrics import count_overtakes, crossing_times, lap_length, race_result
+from cruise.evaluation.metrics import crash_times, crossing_times, lap_length, overtakes, race_result
 from cruise.evaluation.summary import MEASURED, summarise
 from cruise.presets import TRACKS
+from cruise.racing.random_track import random_tracks
+from cruise.racing.track_geometry import lap_length as track_length
 from cruise.storage.race_log import COLLISIONS, EVENT_KINDS, load_race_log
 from tests.evaluation import reference
 from tests.evaluation.pilots import TROUBLE
+from tests.storage.logs import crossing_log
 
 RACES = 10
-TRACK = TRACKS["figure-eight"]
+WALLS = (Wall((-9.0, -3.5, 0.5), (0.3, 0.3, 0.6)), Wall((-8.5, -3.2, 0.5), (0.6, 0.6, 1.5), yaw=0.5))
+OBSTACLES = (Pole((3.0, 7.0, 0.0), 4.0, 0.3), *WALLS)  # beside the line
+TRACK = dataclasses.replace(TRACKS["figure-eight"], obstacles=OBSTACLES)
 
 
 @pytest.fixture(scope="module")
@@ -36,8 +42,8 @@ def measured(paths):
 
 
 def test_every_kind_of_event_occurs(paths):
-    kinds = np.concatenate([reference.read(path)["event_kind"] for path in paths])
-    assert set(kinds.tolist()) == set(range(len(EVENT_KINDS)))
+    logs = [reference.read(path) for path in paths]
+    assert {name for log in logs for name in log["event_kind_names"][log["event_kind"]]} == set(EVENT_KINDS)
 
 
 def identity(event):
@@ -137,7 +143,26 @@ def test_overtakes_of_a_known_race():
     nan = math.nan
     times = np.array([[1.0, 2.0, 3.0, 4.0], [1.5, 1.8, 3.5, nan], [2.0, 2.0, 2.5, nan]])
     # The second passes the first and is passed again; the third passes the second. A dead heat is no order.
-    assert count_overtakes(times) == 3
+    found = overtakes(crossing_log(times))
+    assert [(one.time, one.drone, one.other, one.crossing) for one in found] == [
+        (1.8, 1, 0, 1),
+        (2.5, 2, 1, 2),
+        (3.0, 0, 1, 2),
+    ]
+    assert [one.gate for one in found] == [(2 + one.crossing) % 3 for one in found]
+    assert race_result(crossing_log(times)).overtakes == 3
+
+
+def test_crash_times_are_those_of_the_first_collision(paths, measured):
+    for path, again in zip(paths, measured, strict=True):
+        log = load_race_log(path)
+        expected = [
+            min(
+                (time for kind, by, time, *_ in again["events"] if by == drone and kind in COLLISIONS), default=math.inf
+            )
+            for drone in range(log.num_drones)
+        ]
+        np.testing.assert_allclose(crash_times(log), expected, atol=2e-4)
 
 
 def test_crossing_times_and_lap_length(paths):
@@ -146,6 +171,24 @@ def test_crossing_times_and_lap_length(paths):
     assert times.shape == (6, 13)
     assert (np.diff(times, axis=1)[np.isfinite(times[:, 1:])] > 0).all()
     assert lap_length(log) == pytest.approx(56.8, abs=0.1)
+
+
+def test_a_nominal_lap_is_that_of_the_track_that_was_flown(paths):
+    """Where every race has a track of its own, its own length counts, whatever the first variant's is."""
+    log = load_race_log(paths[0])
+    doubled = dataclasses.replace(log, gate_position=2 * log.gate_position)
+    results = [race_result(log), race_result(doubled)]
+    assert results[1].lap_length == pytest.approx(2 * results[0].lap_length)
+    for result in results:
+        found = summarise(TRACK, log.pilots.tolist(), [result], 0)
+        assert found.nominal_lap_time.mean == pytest.approx(result.lap_length / found.mean_speed.mean)
+
+
+def test_time_is_enough_for_the_longest_variant():
+    track = random_tracks(0, 5)
+    match = make_match(dataclasses.replace(track, laps=10), 1, "chaser")
+    lengths = [track_length(gates) for gates in track.variants]
+    assert match.time_limit == pytest.approx(10 * max(lengths) / 1.25)
 
 
 def test_nothing_to_measure(paths):

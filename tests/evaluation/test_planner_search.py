@@ -71,7 +71,7 @@ def drone(finished, laps, speed):
 
 
 def race_of(*drones):
-    return RaceResult(drones, {}, 0, tuple(range(len(drones))))
+    return RaceResult(drones, {}, 0, tuple(range(len(drones))), 60.0)
 
 
 def test_score_counts_who_finished():

@@ -7,15 +7,18 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 import pytest
+from scipy.interpolate import CubicHermiteSpline
 
-from cruise.config import Drag, Gate, Track
+from cruise.config import Drag, Gate, Pole, Track
 from cruise.errors import CruiseError
+from cruise.geometry import beyond_opening, heading_of, tilt_of, to_gate
 from cruise.limit import guess
 from cruise.limit.lap import Options, find_limit
 from cruise.limit.models import ATTITUDE, POSITION, VELOCITY, make_model, point_mass
 from cruise.limit.transcription import Problem
 from cruise.presets import TRACKS, VEHICLES
 from cruise.vehicles import with_thrust_to_weight
+from tests.racing.obstacles import distance, pole_in_the_way, wall_in_the_way, with_solids
 
 
 @functools.cache
@@ -170,3 +173,44 @@ def test_a_frame_in_the_way_is_noticed():
 
     assert struck(0.0) == struck(0.9) == struck(1.4) == ()
     assert struck(1.15) == struck(-1.15) == (5,)
+
+
+def position_on(lap, times):
+    """Between the states a cubic, as a vehicle flies."""
+    line = CubicHermiteSpline(lap.clock, lap.state[:, POSITION], lap.state[:, VELOCITY])
+    return line(times)
+
+
+@pytest.mark.parametrize("standing_laps", [0, 1])
+def test_solids_in_the_way_are_passed_with_the_margin(standing_laps):
+    ring, free = TRACKS["ring"], limit(standing_laps=standing_laps)
+    solids = pole_in_the_way(ring, 0), wall_in_the_way(ring, 3)
+    found = find_limit(with_solids(ring, *solids), VEHICLES["racer"], Options(standing_laps=standing_laps))
+    line = position_on(found.lap, np.linspace(0, found.lap.time, 5000))
+    for solid in solids:
+        assert distance(solid, line).min() > 0.8 * 0.25
+    assert free.lap.time < found.lap.time < 1.2 * free.lap.time
+    assert found.solids_struck == ()
+    struck = replace(free, track=with_solids(ring, Pole((*free.lap.state[30, :2], 0.0), 10.0, 0.1), *solids[1:]))
+    assert 0 in struck.solids_struck
+
+
+def test_tilted_and_round_gates_are_passed_inside_along_their_normals():
+    gates = list(TRACKS["ring"].gates)
+    gates[1] = replace(gates[1], pitch=0.8, shape="round")
+    gates[2] = replace(gates[2], roll=0.5, pitch=-0.5)
+    found = find_limit(replace(TRACKS["ring"], gates=tuple(gates)), VEHICLES["racer"])
+    for k in (1, 2):
+        gate, state = gates[k], found.lap.state[k * found.lap.steps]
+        frame = heading_of(gate.yaw), tilt_of(gate.roll, gate.pitch)
+        forward, left, up = to_gate(frame[0], state[POSITION] - gate.position_w, frame[1])
+        assert forward == pytest.approx(0, abs=1e-5)
+        assert beyond_opening(left, up, 1.0, 1.0, True if gate.shape == "round" else None) < -0.25 + 1e-5
+        assert to_gate(frame[0], state[VELOCITY], frame[1])[0] > 0.19
+
+
+def test_a_gate_that_follows_itself_is_refused_in_one_line():
+    one = replace(TRACKS["ring"], gates=TRACKS["ring"].gates[:1])
+    for vehicle in ("racer", "paper"):
+        with pytest.raises(CruiseError, match=r"^ring has a gate that follows itself in one place: .*opening$"):
+            find_limit(one, VEHICLES[vehicle])

@@ -12,7 +12,6 @@ import pytest
 
 from cruise.env.race_env import make_race_env
 from cruise.errors import CruiseError
-from cruise.pilots import cockpit
 from cruise.pilots.foreign import ForeignPilot, wrap
 from cruise.pilots.neural import NeuralPilot
 from cruise.pilots.scripted import SCRIPTED, Chaser
@@ -194,9 +193,9 @@ def test_constructors_have_time(monkeypatch):
             clock[0] += 1.0
             return np.zeros(3)
 
-    monkeypatch.setattr(cockpit, "time", SimpleNamespace(perf_counter=lambda: clock[0]))
+    monkeypatch.setattr(python_pilot, "time", SimpleNamespace(perf_counter=lambda: clock[0]))
     assert len(flown([wrap(Wakes, budget=30.0)] * DRONES, steps=1).action) == 1
-    monkeypatch.setattr(cockpit, "cut_off", lambda seconds: contextlib.nullcontext())
+    monkeypatch.setattr(python_pilot, "cut_off", lambda seconds: contextlib.nullcontext())
     with pytest.raises(CruiseError, match="took 1000 ms, more than its budget of 500 ms"):
         flown([wrap(Wakes, budget=0.5)] * DRONES, steps=1)
 

@@ -1,15 +1,20 @@
 """The centre line is closed, passes every gate along its normal, and measures progress where a drone is."""
 
+import dataclasses
+import itertools
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from cruise.config import Gate, Track
+from cruise.geometry import beyond_opening, heading_of, tilt_of, to_gate
 from cruise.pilots.se_ibr.centre_line import HALF_CORRIDOR, frame_at, make_centre_line, project, start_progress
 from cruise.presets import TRACKS
 from cruise.racing.track_file import load_track
 from cruise.racing.ways import SHARPEST, TURN_RADIUS, bent_least, turning_way
 from tests.helpers import quick_jit, random_track
+from tests.racing.obstacles import distance, pole_in_the_way, wall_in_the_way, with_solids
 
 FAR = {"bounds_low": (-40.0, -40.0, 0.0), "bounds_high": (40.0, 40.0, 30.0)}
 STACKED = (
@@ -142,3 +147,50 @@ def test_start_progress_lies_on_the_way_to_the_gate(name):
     frame = frame_at(line, true)
     found = quick_jit(lambda p, g: start_progress(line, p, g))(frame.point_w + 0.7 * frame.left_w, gates)
     np.testing.assert_allclose(found, true, atol=0.1)
+
+
+TILTED = (
+    Gate((8, 0, 3), np.pi / 2, roll=0.4),
+    Gate((0, 8, 5), np.pi, pitch=np.pi / 2, shape="round", width=2.5),
+    Gate((-8, 0, 2), -np.pi / 2, width=3.0, roll=-1.0),
+    Gate((0, -8, 3), 0.0, pitch=-0.9, roll=-0.3),
+)
+
+
+def test_tilted_gates_are_crossed_along_their_normals_within_their_openings():
+    track = Track("tilted", TILTED, **FAR)
+    line = make_centre_line(track)
+    axes = np.stack([line.tangent_w, line.left_w, line.up_w])
+    products = np.einsum("icm,jcm->mij", axes, axes)
+    np.testing.assert_allclose(products, np.broadcast_to(np.eye(3), products.shape), atol=1e-5)
+    at = frame_at(line, jnp.asarray(line.gate_progress))
+    for k, gate in enumerate(TILTED):
+        normal = np.array(
+            [np.cos(gate.yaw) * np.cos(gate.pitch), np.sin(gate.yaw) * np.cos(gate.pitch), -np.sin(gate.pitch)]
+        )
+        np.testing.assert_allclose(at.tangent_w[:, k], normal, atol=0.03)
+        for a, b in ((1, 1), (1, -1), (-1, -1), (-1, 1)):
+            corner = a * at.half[0, k] * at.left_w[:, k] + b * at.half[1, k] * at.up_w[:, k]
+            _, left, up = to_gate(heading_of(gate.yaw), tuple(np.asarray(corner)), tilt_of(gate.roll, gate.pitch))
+            half = (gate.width / 2, (gate.width if gate.shape == "round" else gate.height) / 2)
+            assert beyond_opening(left, up, *half, True if gate.shape == "round" else None) < 0.03
+        assert at.half[:, k].min() > 0.5
+
+
+@pytest.mark.parametrize("solid", [pole_in_the_way(TRACKS["ring"], 0), wall_in_the_way(TRACKS["ring"], 0)])
+def test_the_corridor_ends_at_solids(solid):
+    line = make_centre_line(with_solids(TRACKS["ring"], solid))
+    for a, b in itertools.product(np.linspace(-1, 1, 5), repeat=2):
+        inside = line.point_w + 0.98 * (a * line.half[0] * line.left_w + b * line.half[1] * line.up_w)
+        assert distance(solid, inside.T.astype(np.float64)).min() > 0
+    assert line.half.min() > 0.5
+
+
+def test_the_corridor_ends_at_the_box():
+    """A hall whose wall is 1.2 m behind the gates."""
+    ring = TRACKS["ring"]
+    hall = dataclasses.replace(ring, bounds_low=(-11.2, -11.2, 0.0), bounds_high=(11.2, 11.2, 5.2))
+    line = make_centre_line(hall)
+    beyond = line.point_w[:2] + np.array([[[1.0]], [[-1.0]]]) * line.half[0] * line.left_w[:2]
+    assert np.abs(beyond).max() <= 11.2 + 1e-3
+    assert (line.point_w[2] + line.half[1] * line.up_w[2]).max() <= 5.2 + 1e-3

@@ -18,6 +18,7 @@ from cruise.pilots.se_ibr.trajectory import make_trajectory
 from cruise.presets import TRACKS, VEHICLES
 from cruise.rollout import fly, team_rules
 from tests.helpers import quick_jit
+from tests.racing.obstacles import distance, pole_in_the_way, wall_in_the_way, with_solids
 
 PAPER = VEHICLES["paper"]
 KEY = jax.random.key(3)
@@ -146,3 +147,17 @@ def test_another_vehicle_than_its_own_is_refused():
         CruiseError, match="pilot 'se-ibr-tuned' flies vehicle 'paper', which is not the one of this race"
     ):
         TUNED.init(env, (0,), jax.eval_shape(env.reset, KEY))
+
+
+def test_flies_around_a_pole_and_a_wall_that_stand_in_its_way():
+    """Solids on the straight way of three legs, all flown: nobody touches them, and all finish their lap."""
+    ring = TRACKS["ring"]
+    solids = (pole_in_the_way(ring, 0), pole_in_the_way(ring, 2, radius=0.4), wall_in_the_way(ring, 3))
+    env = make_race_env(with_solids(ring, *solids), 2, PAPER)
+    team = [TUNED, TUNED]
+    rules = team_rules(team, PAPER.collision_distance, env.course.num_gates + 1, (4,))
+    flight = fly(env, team, rules, KEY, 300, (4,))
+    assert not (flight.collisions.pole | flight.collisions.wall).any()
+    assert flight.finished[-1].all()
+    path = flight.position_w.swapaxes(0, 1).reshape(3, -1).T.astype(np.float64)
+    assert 0.1 < min(distance(solid, path).min() for solid in solids) < 2.0  # near enough to have been in the way

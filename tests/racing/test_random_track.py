@@ -1,6 +1,7 @@
 """Tracks drawn at random: sound, flyable by a line that is computed, harder with difficulty, the same by seed."""
 
 import dataclasses
+import hashlib
 import math
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 from cruise.config import Gate, Track, TrainConfig
 from cruise.errors import CruiseError
 from cruise.presets import PUBLISHED_TRACKS, TRACKS
+from cruise.racing.detours import BERTHS
 from cruise.racing.random_track import (
     CLEARANCE,
     NEAREST_GROUND,
@@ -22,6 +24,7 @@ from cruise.racing.random_track import (
 from cruise.racing.track_file import RANDOM, load_one_track, load_track, save_track, track_faults
 from cruise.racing.track_geometry import lap_length
 from cruise.racing.ways import ways
+from tests.racing.obstacles import distance
 
 DRAWN = [
     random_track(seed, gates, difficulty) for seed in range(4) for gates in (3, 8) for difficulty in (0.0, 0.5, 1.0)
@@ -110,6 +113,8 @@ def test_half_of_the_tracks_are_flown_the_other_way_round():
         ({"gates": 2}, "from 3 to 40 gates, not 2"),
         ({"difficulty": 1.5}, "difficulty must be from 0 to 1, not 1.5"),
         ({"difficulty": math.nan}, "difficulty must be from 0 to 1, not nan"),
+        ({"obstacles": 61}, "from 0 to 60 obstacles, not 61"),
+        ({"tilt": math.pi}, "tilt must be from 0 to 60 degrees, not 180"),
     ],
 )
 def test_numbers_out_of_range_are_refused(arguments, words):
@@ -157,3 +162,45 @@ def test_a_gate_may_be_flown_twice_a_lap_but_not_share_room_with_another():
     gates = list(twice.gates)
     gates[middle[1]] = dataclasses.replace(gates[middle[1]], yaw=gates[middle[1]].yaw + 0.3)
     assert any("overlaps" in fault for fault in track_faults(dataclasses.replace(twice, gates=tuple(gates))))
+
+
+def test_seeds_give_the_tracks_that_they_always_gave():
+    """A digest of six, from before tilt and obstacles could be asked for."""
+    tracks = [random_track(seed, 8, seed / 5) for seed in range(6)]
+    numbers = [(*gate.position_w, gate.yaw, gate.width) for track in tracks for gate in track.gates]
+    assert hashlib.sha256(repr(numbers).encode()).hexdigest()[:16] == "e3752dddb8a1a66f"
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_tilt_and_obstacles(seed):
+    track = random_track(seed, 8, 0.5, obstacles=6, tilt=0.5)
+    assert track == random_track(seed, 8, 0.5, obstacles=6, tilt=0.5)
+    assert track_faults(track) == []
+    assert len(track.obstacles) == 6
+    turns = np.array([(gate.roll, gate.pitch) for gate in track.gates])
+    assert 0.1 < np.abs(turns).max() <= 0.5
+    bare = dataclasses.replace(track, obstacles=())
+    line = np.concatenate([way.point_w for way in ways(bare)])
+    assert min(distance(solid, line).min() for solid in track.obstacles) >= BERTHS[0] - 1e-6
+    np.testing.assert_array_equal(np.concatenate([way.point_w for way in ways(track)]), line)
+    gates = np.array([gate.position_w for gate in track.gates])
+    assert min(distance(solid, gates).min() for solid in track.obstacles) > 0.75
+
+
+def test_gates_are_those_of_the_track_without_obstacles():
+    assert random_track(2, obstacles=5).gates == random_track(2).gates
+    assert random_track(2, obstacles=5, tilt=0.3).gates == random_track(2, tilt=0.3).gates
+
+
+def test_where_drones_wait_nothing_stands():
+    """Three rows of four behind any gate, and none of them within half a metre of a solid."""
+    track = random_track(4, 8, 0.5, obstacles=10)
+    for gate in track.gates:
+        forward = np.array([math.cos(gate.yaw), math.sin(gate.yaw), 0.0])
+        left = np.array([-forward[1], forward[0], 0.0])
+        grid = [
+            gate.position_w - back * forward + side * left
+            for back in (2.0, 3.5, 5.0)
+            for side in (-1.9, -0.6, 0.6, 1.9)
+        ]
+        assert min(distance(solid, np.array(grid)).min() for solid in track.obstacles) > 0.5

@@ -2,13 +2,16 @@
 
 import io
 
+import matplotlib as mpl
 import matplotlib.image
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 
 from cruise.evaluation.matches import make_match, run_races
 from cruise.presets import TRACKS
-from cruise.report import race_charts
+from cruise.report.figure_style import our_look
 from cruise.report.race_figure import draw_race
 from cruise.report.race_scene import make_scene
 from tests.evaluation.pilots import TROUBLE
@@ -52,6 +55,28 @@ def test_progress_counts_gates_and_never_falls(trouble):
             assert progress == pytest.approx(number, abs=0.1)
 
 
-def test_overtakers():
-    times = np.array([[1.0, 2.0, 3.0], [1.5, 1.8, 3.5], [2.0, 2.5, np.nan]])
-    assert race_charts._overtakers(times) == [(0, 2), (1, 1)]
+MARKUP = ("prize $\\frac{1$", "prize $5 vs $10", "a_b^c", "<b>&amp;</b>", "[red]x[/red]", ":cat:", "100 %", "\u540d")
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("name", MARKUP)
+def test_a_name_is_never_read_as_markup(name):
+    assert len(draw_race(small_log(track=name, pilots=np.array([name, "b"])))) > 10_000
+
+
+def test_dollars_are_letters():
+    """Read as a formula the two would vanish."""
+    with our_look():
+        figure = Figure()
+        renderer = FigureCanvasAgg(figure).get_renderer()
+        widths = [figure.text(0, 0, text).get_window_extent(renderer).width for text in ("$5 vs $10", "05 vs 010")]
+    assert widths[0] == pytest.approx(widths[1], abs=1.0)  # as wide as digits
+
+
+HOSTILE = {"text.usetex": True, "font.size": 40.0, "axes.facecolor": "black", "lines.linewidth": 9.0, "savefig.dpi": 7}
+
+
+def test_the_users_settings_of_matplotlib_do_not_reach_a_picture():
+    expected = draw_race(small_log())
+    with mpl.rc_context(HOSTILE):
+        assert draw_race(small_log()) == expected

@@ -36,3 +36,21 @@ def small_log(samples=5, drones=2, gates=3, **changes):
         "collision_distance": 0.25,
     }
     return RaceLog(**fields | changes)
+
+
+def crossing_log(times):
+    """A log of nothing but crossings, at `times` [N, C], NaN where there is none."""
+    drone, crossing = np.nonzero(np.isfinite(times))
+    order = np.argsort(times[drone, crossing], kind="stable")
+    drone, crossing = drone[order], crossing[order]
+    drones, gates = len(times), 3
+    return small_log(
+        samples=2 + int(np.nanmax(times) / 0.1),
+        drones=drones,
+        gates=gates,
+        event_time=times[drone, crossing],
+        event_drone=drone.astype(np.int32),
+        event_kind=np.zeros(len(drone), np.int32),
+        event_gate=((crossing + gates - 1) % gates).astype(np.int32),
+        event_other=np.full(len(drone), -1, np.int32),
+    )

@@ -10,7 +10,7 @@ import numpy as np
 
 from cruise.config import TrainConfig
 from cruise.env.race_env import make_race_env
-from cruise.pilots.network import ActorCritic
+from cruise.pilots.network import ActorCritic, NetworkShape
 from cruise.presets import VEHICLES
 from cruise.racing.track_file import load_track
 from cruise.storage.policy_file import PolicyMeta, save_policy
@@ -22,10 +22,11 @@ def observation_size(track="ring", drones=2, observation="extended"):
     return jax.eval_shape(env.observe, jax.eval_shape(env.reset, jax.random.key(0))).shape[0]
 
 
-def random_params(track="ring", drones=2, observation="extended", seed=0, actions=3):
+def random_params(track="ring", drones=2, observation="extended", seed=0, actions=3, **kind):
     """Networks of two layers of 8, drawn by NumPy, because JAX would compile for each shape."""
     size = observation_size(track, drones, observation)
-    shapes = eqx.filter_eval_shape(ActorCritic, size, actions, (8, 8), 0.0, jax.random.key(0))
+    shape = NetworkShape(size, actions, (8, 8), **kind)
+    shapes = eqx.filter_eval_shape(ActorCritic, shape, 0.0, jax.random.key(0))
     rng = np.random.default_rng(seed)
     return jax.tree.map(lambda leaf: jnp.array(rng.normal(size=leaf.shape, scale=0.4), jnp.float32), shapes)
 

@@ -49,6 +49,36 @@ def test_logs_of_before_there_were_ellipsoids_are_read(tmp_path):
     assert load_race_log(tmp_path / "race.npz").collision_aspect == 1.0
 
 
+def test_kinds_of_events_are_stored_by_name(tmp_path):
+    """Whatever number a kind had when its log was written, the names in the file say what it is."""
+    log = small_log()
+    order = np.random.default_rng(0).permutation(len(EVENT_KINDS))
+    number = np.argsort(order).astype(np.int32)  # of every kind, in the file
+    arrays = arrays_of(log) | {"event_kind": number[log.event_kind], "event_kind_names": np.array(EVENT_KINDS)[order]}
+    np.savez(tmp_path / "race.npz", **arrays)
+    np.testing.assert_array_equal(load_race_log(tmp_path / "race.npz").event_kind, log.event_kind)
+
+
+FIRST_KINDS = (
+    "crossing",
+    "missed_gate",
+    *(f"collision_{what}" for what in ("drone", "ground", "gate_frame", "bounds", "flip")),
+)
+
+
+def test_logs_of_the_first_format_are_read(tmp_path):
+    """Eight kinds of event by number, no tilt, no shapes, no solids."""
+    new = ("gate_roll", "gate_pitch", "gate_shape", "solid_")
+    arrays = {name: value for name, value in arrays_of(small_log()).items() if not name.startswith(new)}
+    arrays |= {"event_kind": np.array([0, 7, 6, 2], np.int32), "event_kind_names": np.array(FIRST_KINDS)}
+    np.savez(tmp_path / "race.npz", **arrays | {"version": 1})
+    log = load_race_log(tmp_path / "race.npz")
+    assert log.event_kind_names[log.event_kind].tolist() == ["crossing", "finish", "collision_flip", "collision_drone"]
+    assert (log.gate_roll == 0).all()
+    assert log.gate_shape.tolist() == ["rectangle"] * 3
+    assert log.solid_position.shape == (0, 3)
+
+
 def test_no_events_is_a_race_too(tmp_path):
     log = small_log(
         **{name: getattr(small_log(), name)[:0] for name in vars(small_log()) if re.match("event_[^k]", name)}
@@ -101,15 +131,18 @@ MALFORMED = {
     "infinity": (bent("gate_yaw", 0, np.inf), "'gate_yaw' holds numbers that are not finite"),
     "no such gate": (bent("next_gate", (0, 0), 3), "'next_gate' holds numbers outside 0 .. 2"),
     "no such drone": (bent("event_drone", 0, 2), "'event_drone' holds numbers outside 0 .. 1"),
-    "no such kind": (bent("event_kind", 0, 8), "'event_kind' holds numbers outside 0 .. 7"),
+    "no such kind": (bent("event_kind", 0, 10), "'event_kind' holds numbers outside 0 .. 9"),
     "no such other": (bent("event_other", 0, -2), "'event_other' holds numbers outside -1 .. 1"),
-    "other kinds": (with_array(event_kind_names=np.array(EVENT_KINDS[::-1])), "'event_kind_names' is not crossing, "),
+    "other kinds": (
+        with_array(event_kind_names=np.array(["applause"] * 10)),
+        "'event_kind_names' holds 'applause'; known",
+    ),
     "time stands still": (bent("time", 2, 0.1), "'time' does not ascend"),
     "events in disorder": (bent("event_time", 0, 0.2), "'event_time' does not ascend within the race"),
     "event after the end": (bent("event_time", 3, 9.0), "'event_time' does not ascend within the race"),
     "no laps": (with_array(laps=np.array(0)), "'laps' must be above 0, got 0"),
     "no time step": (with_array(control_dt=np.array(-0.1)), "'control_dt' must be above 0, got -0.1"),
-    "future version": (with_array(version=np.array(2)), "format version 2, this program reads 1"),
+    "future version": (with_array(version=np.array(3)), "format version 3, this program reads up to 2"),
     "no samples": (
         with_array(**{n: a[:0] for n, a in arrays_of(small_log()).items() if a.ndim and len(a) == 5}),
         "has no samples",
@@ -136,4 +169,4 @@ def test_no_file(tmp_path):
 
 def test_collisions_are_kinds_of_events():
     assert set(COLLISIONS) < set(EVENT_KINDS)
-    assert len(COLLISIONS) == 5
+    assert len(COLLISIONS) == 7

@@ -27,7 +27,7 @@ def meeting(start: np.ndarray, end: np.ndarray) -> Flight:
         finished=samples.astype(bool),
         action=np.zeros((1, 4, 2, 1)),
         crossing=Crossing(no, no, no, zero, zero),
-        collisions=Collisions(drone=~no, ground=no, gate_frame=no, bounds=no, flip=no),
+        collisions=Collisions._make([no] * len(Collisions._fields))._replace(drone=~no),
     )
 
 

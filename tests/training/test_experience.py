@@ -203,7 +203,7 @@ def test_each_race_is_flown_by_its_own_generation(share):
     older = rng.random(10) < share
     observation = jnp.asarray(rng.normal(size=(like.actor.layers[0].in_features, 3, 10)), jnp.float32)
     pool = OpponentPool(newest, previous, jnp.asarray(older), jnp.asarray(0, jnp.int32))
-    found = newest_fly(pool, observation)
+    _, found = newest_fly(pool, (), observation)
     for k in range(3):
         own, its = (reference.mean_action(model, observation[:, k]) for model in (newest, previous))
         np.testing.assert_allclose(found[:, k], np.where(older, its, own), atol=1e-4)

@@ -1,4 +1,4 @@
-"""The league: who flies which races, who is seated, who joins and who leaves, and its ratings."""
+"""The league: who flies which races, who flies, who joins and who leaves, and its ratings."""
 
 import copy
 import functools
@@ -16,7 +16,7 @@ from cruise.presets import TRACKS, VEHICLES
 from cruise.storage.policy_file import read_policy
 from cruise.training import league as leagues
 from cruise.training import session
-from cruise.training.league import SEATS, SHARES, found_league, join, keep_score, opponents_fly, seat
+from cruise.training.league import SHARES, SLOTS, choose_members, found_league, join, keep_score, opponents_fly
 from cruise.training.metrics_log import read_metrics
 from cruise.training.session import Session
 from cruise.training.trainer import Progress, Trainer
@@ -55,7 +55,7 @@ def some_league(beaten: list[float], joined: list[int] | None = None) -> League:
     return league if joined is None else league._replace(joined=jnp.asarray(joined))
 
 
-def test_half_of_the_races_meet_the_newest_and_each_seat_an_eighth():
+def test_half_of_the_races_meet_the_newest_and_each_member_an_eighth():
     """Compared with each network alone, race by race, and generation by generation."""
     like = tiny_trainer().initial_state().model
     league = some_league([0.5] * PLACES)._replace(flying=jnp.array([4, 0, 5, 2]))
@@ -64,30 +64,30 @@ def test_half_of_the_races_meet_the_newest_and_each_seat_an_eighth():
     older = rng.random(3 * SHARES) < 0.5
     observation = rng.normal(size=(like.actor.layers[0].in_features, 3, 3 * SHARES)).astype(np.float32)
     pool = OpponentPool(newest, previous, jnp.asarray(older), jnp.asarray(0))
-    found = np.asarray(opponents_fly(pool, league, jnp.asarray(observation)))
+    found = np.asarray(opponents_fly(pool, league, (), jnp.asarray(observation))[1])
     for race in range(3 * SHARES):
         share = race % SHARES
-        seated = [random_model(k, like) for k in (4, 0, 5, 2)]
-        model = (previous if older[race] else newest) if share < SEATS else seated[share - SEATS]
+        flying = [random_model(k, like) for k in (4, 0, 5, 2)]
+        model = (previous if older[race] else newest) if share < SLOTS else flying[share - SLOTS]
         for drone in range(3):
             expected = reference.mean_action(model, observation[:, drone, race : race + 1])
             np.testing.assert_allclose(found[:, drone, race : race + 1], expected, atol=1e-4)
 
 
-def test_who_is_beaten_seldom_is_seated_often_and_nobody_twice():
+def test_who_is_beaten_seldom_flies_often_and_nobody_twice():
     league = some_league([0.0, 0.5, 0.9, 1.0, 1.0, 1.0])
-    drawn = np.array([seat(league, jax.random.key(k)) for k in range(2000)])
-    assert all(len(set(row)) == SEATS for row in drawn)
+    drawn = np.array([choose_members(league, jax.random.key(k)) for k in range(2000)])
+    assert all(len(set(row)) == SLOTS for row in drawn)
     first = Counter(drawn[:, 0].tolist())
     weight = (1 - np.asarray(league.beaten)) ** 2 + leagues.LEAST_WEIGHT
     for place in range(PLACES):
         assert first[place] / 2000 == pytest.approx(weight[place] / weight.sum(), abs=0.03)
 
 
-def test_empty_places_are_never_seated():
+def test_empty_places_never_fly():
     league = some_league([0.5] * PLACES, joined=[-1, 3, -1, 7, -1, -1])
     for k in range(50):
-        assert set(np.asarray(seat(league, jax.random.key(k))).tolist()) <= {1, 3}
+        assert set(np.asarray(choose_members(league, jax.random.key(k))).tolist()) <= {1, 3}
 
 
 def test_ratings_are_elos_and_scores_fade():
@@ -115,9 +115,9 @@ def test_a_policy_takes_a_free_place_then_that_of_the_most_beaten_but_never_a_fo
             np.testing.assert_array_equal(np.asarray(was)[others], np.asarray(now)[others])
         assert after.league.joined[place] == 9
         assert after.league.beaten[place] == leagues.UNKNOWN
-        anew = (np.arange(RACES) % SHARES == SEATS + place) & (
-            place < SEATS
-        )  # its races, as it flew on the seat so numbered
+        anew = (np.arange(RACES) % SHARES == SLOTS + place) & (
+            place < SLOTS
+        )  # its races, as it flew in the slot so numbered
         np.testing.assert_array_equal(after.restart, np.asarray(state.restart) | anew)
 
 
@@ -128,10 +128,10 @@ def test_a_league_of_founders_alone_takes_nobody_in():
 
 def test_the_beaten_share_counts_single_opponents_and_ties_by_half():
     gates = np.zeros((3, SHARES), int)
-    gates[:, SEATS] = (5, 4, 5)  # one beaten, one even
-    gates[:, SEATS + 1] = (5, 6, 7)
+    gates[:, SLOTS] = (5, 4, 5)  # one beaten, one even
+    gates[:, SLOTS + 1] = (5, 6, 7)
     gates[:, 0] = (9, 0, 0)  # against the newest: does not count
-    np.testing.assert_allclose(leagues.beaten_by_seat(jnp.asarray(gates)), [0.75, 0.0, 0.5, 0.5])
+    np.testing.assert_allclose(leagues.beaten_by_slot(jnp.asarray(gates)), [0.75, 0.0, 0.5, 0.5])
 
 
 def test_training_fills_the_league_with_the_policies_of_its_replacements():
@@ -153,10 +153,10 @@ def test_races_whose_opponents_change_begin_anew_and_no_others():
     changed = 0
     for k in evaluated:
         before, after = run()[k - 1].state.league, run()[k].state.league
-        seats = np.asarray(before.flying) != np.asarray(after.flying)
-        changed += seats.sum()
+        slots = np.asarray(before.flying) != np.asarray(after.flying)
+        changed += slots.sum()
         restart = np.asarray(run()[k].state.restart).reshape(-1, SHARES)
-        assert restart[:, SEATS:][:, seats].all()
+        assert restart[:, SLOTS:][:, slots].all()
     assert changed
 
 

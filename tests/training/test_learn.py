@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from cruise.config import PPOConfig
-from cruise.pilots.network import ActorCritic
+from cruise.pilots.network import ActorCritic, NetworkShape
 from cruise.training.experience import Experience, log_prob
 from cruise.training.ppo import exploration_schedule, flatten, make_learn, make_optimiser
 from cruise.training.types import TrainState, Transitions
@@ -82,7 +82,7 @@ def learner(config: PPOConfig = CONFIG) -> Callable[[TrainState, Problem], Train
 
 
 def beginner(seed: int = 0, updates: int = 0) -> TrainState:
-    model = ActorCritic(1, 2, CONFIG.hidden, -0.5, jax.random.key(seed))
+    model = ActorCritic(NetworkShape(1, 2, CONFIG.hidden), -0.5, jax.random.key(seed))
     optimiser = make_optimiser(CONFIG, UPDATES).init(flatten(model))
     return TrainState(model, optimiser, None, None, None, None, jax.random.key(seed), jnp.asarray(updates, jnp.int32))
 

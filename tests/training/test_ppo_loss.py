@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cruise.config import PPOConfig
-from cruise.pilots.network import ActorCritic
+from cruise.pilots.network import ActorCritic, NetworkShape
 from cruise.training.experience import log_prob
 from cruise.training.ppo import make_optimiser, ppo_loss
 from cruise.training.types import Batch
@@ -20,7 +20,7 @@ loss_and_gradient = jax.jit(jax.value_and_grad(ppo_loss, has_aux=True), static_a
 
 
 def a_model(seed: int = 0) -> ActorCritic:
-    return random_model(seed, ActorCritic(5, 3, (8, 8), -0.5, jax.random.key(0)))
+    return random_model(seed, ActorCritic(NetworkShape(5, 3, (8, 8)), -0.5, jax.random.key(0)))
 
 
 def a_batch(model: ActorCritic, seed: int = 0, drift: float = 0.3) -> Batch:

@@ -13,7 +13,7 @@ from cruise.storage.checkpoint import CURRENT, PREVIOUS
 from cruise.storage.config_file import load_config
 from cruise.storage.policy_file import load_policy, read_meta, read_policy
 from cruise.training import session as session_module
-from cruise.training.beginning import first_state
+from cruise.training.initial_state import initial_state
 from cruise.training.metrics_log import METRICS
 from cruise.training.session import CONFIG, resume_config
 from cruise.training.trainer import Trainer
@@ -136,10 +136,10 @@ def test_a_policy_can_learn_to_see_less_but_not_be_flown_so():
     usual = training_config("racer", 2)
     config = replace(usual, observation="body-near", start_from="racer-ring", ppo=replace(usual.ppo, races=64))
     trainer = Trainer(config, TRACKS["ring"], VEHICLES["racer"])
-    assert bits(first_state(trainer).model) == bits(read_policy("racer-ring").params)
+    assert bits(initial_state(trainer).model) == bits(read_policy("racer-ring").params)
     trainer.config = replace(config, against="racer-ring")
     with pytest.raises(CruiseError, match="by the body observation, this run trains for a racer by the body-near one"):
-        first_state(trainer)
+        initial_state(trainer)
 
 
 @pytest.mark.parametrize(

@@ -1,10 +1,13 @@
 """A race whose every moment is known in closed form: drones on circles, at constant rates."""
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
+from cruise.config import Gate, Pole, Track, Wall
 from cruise.storage.race_log import EVENT_KINDS, EventKind, RaceLog
+from cruise.storage.recorder import track_arrays
 from tests.storage.logs import small_log
 
 RADIUS, GATES = 8.0, 4  # gate k at angle k * 90 degrees, flown counter-clockwise
@@ -94,3 +97,28 @@ def _events(field, seconds, laps):
         "event_kind_names": np.array(EVENT_KINDS),
         **{name: np.array(values, np.int32) for name, values in columns.items()},
     }
+
+
+LEANING = (
+    Gate((8.0, 0.0, 3.0), np.pi / 2, 2.5, 2.5, roll=0.4),
+    Gate((0.0, 8.0, 3.0), np.pi, 2.5, 2.5, pitch=0.6, shape="round"),
+    Gate((-8.0, 0.0, 3.0), -np.pi / 2, 2.5, 2.5, shape="round"),
+    Gate((0.0, -8.0, 3.0), 0.0, 2.5, 2.5, pitch=-0.9),
+)
+SOLIDS = (
+    Pole((3.0, 3.0, 0.0), 6.0, 0.15),
+    Pole((-4.0, 2.0, 0.0), 3.0, 0.6),
+    Wall((0.0, 0.0, 1.5), (6.0, 0.3, 3.0), 0.5),
+)
+
+
+def solid_race(away=(0.0, 0.0, 0.0), **changes) -> RaceLog:
+    """The same race through leaning and round gates among poles and walls, all of it so far away [m]."""
+    away = np.array(away)
+    gates = tuple(replace(gate, position_w=tuple((away + gate.position_w).tolist())) for gate in LEANING)
+    poles = tuple(replace(pole, base_w=tuple((away + pole.base_w).tolist())) for pole in SOLIDS[:2])
+    wall = replace(SOLIDS[2], position_w=tuple((away + SOLIDS[2].position_w).tolist()))
+    track = Track("solid", gates, (-15.0, -15.0, 0.0), (15.0, 15.0, 9.0), obstacles=(*poles, wall))
+    race = circle_race()
+    position = (race.position_w + away).astype(np.float32)
+    return replace(race, **track_arrays(track) | {"position_w": position} | changes)

@@ -11,9 +11,10 @@ from cruise.cli.main import main
 from cruise.errors import CruiseError
 from cruise.palette import drone_colour
 from cruise.viewer.film import files
-from cruise.viewer.film.camera import fit_camera
-from cruise.viewer.film.film import frame_times, frames
+from cruise.viewer.film.film import frame_times, frames, margins_of
 from cruise.viewer.film.flights import make_flight
+from cruise.viewer.painting import scenery
+from cruise.viewer.painting.camera import fit_camera
 from cruise.viewer.standings import commentary, make_course, standings
 from tests.storage.logs import small_log
 from tests.viewer.browser import around, hues
@@ -35,8 +36,12 @@ def small_films(monkeypatch):
     monkeypatch.setattr(files, "MP4_RATE", 10.0)
 
 
+def camera_of(log, size, margins):
+    return fit_camera(scenery.must_be_seen(scenery.log_scenery(log)), size, margins)
+
+
 def test_every_gate_is_seen_between_the_margins(race):
-    camera = fit_camera(race, SIZE, MARGINS)
+    camera = camera_of(race, SIZE, MARGINS)
     height = race.gate_size[:, 1:] / 2 * [[0.0, 0.0, 1.0]]
     for places in (race.gate_position + height, race.gate_position - height, race.gate_position * [1, 1, 0]):
         pixels, depth = camera.project(places)
@@ -47,7 +52,7 @@ def test_every_gate_is_seen_between_the_margins(race):
 
 def test_projection_is_that_of_a_pinhole(race):
     """Against similar triangles along each axis, for a point whose parts along the camera's axes are chosen."""
-    camera = fit_camera(race, SIZE, MARGINS)
+    camera = camera_of(race, SIZE, MARGINS)
     np.testing.assert_allclose(camera.axes @ camera.axes.T, np.eye(3), atol=1e-12)
     np.testing.assert_allclose(np.cross(camera.axes[0], camera.axes[1]), camera.axes[2], atol=1e-12)
     right, up, ahead = 1.5, 0.5, 20.0
@@ -70,7 +75,7 @@ def test_between_samples_drones_are_on_their_circles(race, drone):
 def test_drones_have_their_colours_in_the_picture(race):
     (picture,) = frames(race, (960, 540), 10.0, (4.0, 4.1))
     (empty,) = frames(race, (960, 540), 10.0, (10.0, 10.1))
-    camera = fit_camera(race, (960, 540), _margins())
+    camera = camera_of(race, (960, 540), margins_of(960))
     for drone, circler in enumerate(FIELD):
         at = camera.project(circler.position(4.0))[0]
         likeness = [
@@ -79,13 +84,6 @@ def test_drones_have_their_colours_in_the_picture(race):
         ]
         assert np.sum(likeness[0] > 0.97) >= 15
         assert np.sum(likeness[1] > 0.97) <= 3
-
-
-def _margins():
-    from cruise.viewer.film.board import Layout
-
-    layout = Layout.of(960)
-    return layout.edge + layout.width, layout.edge, layout.edge, 1.6 * layout.row
 
 
 def test_a_picture_depends_on_time_alone(race):

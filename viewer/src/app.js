@@ -12,6 +12,7 @@ import { CAMERAS, Cameras } from "./view/cameras.js";
 import { Drone } from "./view/drone.js";
 import { Gates } from "./view/gates.js";
 import { Labels } from "./view/labels.js";
+import { Solids } from "./view/solids.js";
 import { Stage } from "./view/stage.js";
 import { Trail } from "./view/trail.js";
 
@@ -163,9 +164,15 @@ export class App {
     this.race = race;
     this.standings = race.standings(0); // who asks before the first picture is told of this race, not of the one before
     this.gates = new Gates(race);
+    this.solids = new Solids(race);
     this.models = race.drones.map((drone) => new Drone(drone));
     this.trails = race.drones.map((drone) => new Trail(drone, race.topSpeed));
-    this.stage.race.add(this.gates.group, ...this.models.map(({ group }) => group), ...this.trails.map((t) => t.mesh));
+    this.stage.race.add(
+      this.gates.group,
+      this.solids.group,
+      ...this.models.map(({ group }) => group),
+      ...this.trails.map((t) => t.mesh),
+    );
     const sameTrack = this.framed === trackKey(race);
     this.framed = trackKey(race);
     if (!sameTrack) this.#frameTrack(race);
@@ -193,6 +200,7 @@ export class App {
     const { scene } = theme;
     this.stage.paint(scene);
     this.gates?.paint(scene);
+    this.solids?.paint(scene);
     this.race?.drones.forEach((drone, k) => {
       const { colour } = theme.colourOf(drone);
       this.models[k].paint(scene, colour);
@@ -306,6 +314,6 @@ export class App {
 const colour = new Color();
 const here = new Vector3();
 
-function trackKey({ gates }) {
-  return JSON.stringify(gates.map(({ position }) => position));
+function trackKey({ gates, solids }) {
+  return JSON.stringify([gates, solids]);
 }

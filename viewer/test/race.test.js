@@ -2,7 +2,14 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 import { Race } from "../src/data/race.js";
 
-const GATES = [0, 1].map((k) => ({ position: [10 * k, 0, 2], yaw: 0, size: [2, 2] }));
+const GATES = [0, 1].map((k) => ({
+  position: [10 * k, 0, 2],
+  yaw: 0,
+  pitch: 0,
+  roll: 0,
+  size: [2, 2],
+  shape: "rectangle",
+}));
 
 /** Drones on the x axis at a speed; two gates, one lap, so three crossings finish. */
 function makeRace(drones, more = {}) {

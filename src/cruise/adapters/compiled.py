@@ -10,10 +10,11 @@ from jaxtyping import Array, Bool, Float
 
 from cruise.config import RewardWeights
 from cruise.env.race_env import RaceEnv
+from cruise.env.surroundings import perceive
 from cruise.env.types import RaceState, Rules, StepOutcome
 from cruise.pilots.base import Crew
 from cruise.racing.grid import Start
-from cruise.rollout import act_together
+from cruise.rollout import act_together, first_memories
 from cruise.vector import norm
 
 Reset = Literal["next_step", "same_step", "disabled"]
@@ -53,10 +54,10 @@ def begin(
 def _begin(
     plan: Plan, keys: Array, grid: Start | None, old: Carry | None, mask: Bool[Array, "E"] | None
 ) -> tuple[Carry, Seen]:
-    keys, state = _draw(plan, keys)
+    keys, state, spare = _draw(plan, keys)
     if grid is not None:
         state = plan.env.begin(grid)
-    memories, noise = _memories(plan, state), jax.random.fold_in(keys[0], 1)
+    memories, noise = first_memories(plan.env, plan.groups, state), spare[0]
     if old is not None and mask is not None:
         state, memories, keys = _where(mask, (state, memories, keys), (old.state, old.memories, old.keys))
         noise = old.noise
@@ -112,22 +113,18 @@ def fly_step(plan: Plan, rules: Rules, carry: Carry, actions: Float[Array, "E L 
     return Carry(state, memories, keys, pending, noise), seen | {"observation": _observed(plan, state), "info": info}
 
 
-def _draw(plan: Plan, keys: Array) -> tuple[Array, RaceState]:
-    """Every race's next randomness, and its start, drawn by itself so that it is the same in any batch."""
-    keys, start_keys = jnp.moveaxis(jax.vmap(jax.random.split)(keys), 1, 0)
-    return keys, jax.vmap(plan.env.reset, out_axes=-1)(start_keys)
-
-
-def _memories(plan: Plan, state: RaceState) -> tuple:
-    return tuple(crew.pilot.init(plan.env, crew.drones, state) for crew in plan.groups)
+def _draw(plan: Plan, keys: Array) -> tuple[Array, RaceState, Array]:
+    """Every race's next randomness, its start, drawn by itself so that it is the same in any batch, and a spare key."""
+    keys, start_keys, spare = jnp.moveaxis(jax.vmap(lambda key: jax.random.split(key, 3))(keys), 1, 0)
+    return keys, jax.vmap(plan.env.reset, out_axes=-1)(start_keys), spare
 
 
 def _restarted(plan: Plan, restart: Bool[Array, "E"], now: tuple) -> tuple:
     """(state, memories, keys) with new starts in some races; nothing is drawn where there is none."""
 
     def anew(now: tuple) -> tuple:
-        keys, state = _draw(plan, now[2])
-        fresh: tuple = _where(restart, (state, _memories(plan, state), keys), now)
+        keys, state, _ = _draw(plan, now[2])
+        fresh: tuple = _where(restart, (state, first_memories(plan.env, plan.groups, state), keys), now)
         return fresh
 
     return jax.lax.cond(restart.any(), anew, lambda now: now, now)
@@ -139,7 +136,7 @@ def _where(mask: Array, new: Any, old: Any) -> Any:
 
 
 def _observed(plan: Plan, state: RaceState) -> Float[Array, "E L O"]:
-    observation = plan.env.observe_as[plan.observation](state)
+    observation = plan.env.observe_as[plan.observation](perceive(state))
     return observation[:, jnp.array(plan.learners)].transpose(2, 1, 0)
 
 

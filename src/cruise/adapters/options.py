@@ -21,9 +21,10 @@ from cruise.evaluation.pilot_choice import PilotChoice
 from cruise.pilots.base import Crew, Pilot, crews
 from cruise.pilots.foreign import Commanded
 from cruise.precision import single_precision
-from cruise.presets import CURRICULUM, REWARDS, VEHICLES
+from cruise.presets import CURRICULUM, REWARDS, curriculum_of
 from cruise.racing.track_file import load_track
 from cruise.storage.policy_file import shipped_name
+from cruise.vehicles import VehicleChoice, load_vehicle, reference_to
 
 RACE = "race"
 EPISODE_STEPS = 600  # time limit of an episode that is no race, in control steps
@@ -49,10 +50,10 @@ class RaceOptions:
     """What the learner sees. It speaks in the same frame: with `extended` in that of its target gate."""
     reward: RewardWeights | str = "default"
     """Weights, or the name of a preset."""
-    vehicle: str = "paper"
-    """Name of a preset."""
+    vehicle: VehicleChoice = "paper"
+    """A vehicle, the name of a built-in one, or the path of a TOML file."""
     agility: float | None = None
-    """Scale of the learner's action [m/s^2]. By default the stage's, with other vehicles than the paper's their own."""
+    """Scale of the learner's action [m/s^2]. By default the stage's in the vehicle's curriculum."""
     episode_steps: int | None = None
     """Time limit in control steps, at which an episode is truncated. By default 600, or a race's usual limit."""
 
@@ -93,12 +94,7 @@ def set_up(options: RaceOptions, everybody_learns: bool) -> Setup:
     vehicle, weights, stage, agility = _chosen(options)
     drones = _drones(options, everybody_learns)
     learners = tuple(range(drones)) if everybody_learns else (0,)
-    opponents = _opponents(options, track, drones) if len(learners) < drones else ()
-    for pilot in opponents:
-        if pilot.vehicle != vehicle.name:
-            raise CruiseError(
-                f"opponent {pilot.name!r} flies vehicle {pilot.vehicle!r}, this race has {vehicle.name!r}"
-            )
+    opponents = _opponents(options, track, vehicle, drones) if len(learners) < drones else ()
     laps = _laps(options, track)
     env = _race_env(track, drones, vehicle, options.observation, weights)
     scales = [agility] * len(learners) + [pilot.agility for pilot in opponents]
@@ -127,7 +123,7 @@ def _race_env(*choices: Any) -> RaceEnv:
 
 def _chosen(options: RaceOptions) -> tuple[Vehicle, RewardWeights, Stage, float]:
     """Vehicle, weights, stage and agility."""
-    _one_of("vehicle", options.vehicle, tuple(VEHICLES))
+    vehicle = load_vehicle(options.vehicle)
     _one_of("observation", options.observation, get_args(ObservationKind))
     weights = options.reward
     if not isinstance(weights, RewardWeights):
@@ -137,11 +133,11 @@ def _chosen(options: RaceOptions) -> tuple[Vehicle, RewardWeights, Stage, float]
     if isinstance(number, bool) or not isinstance(number, int) or not 1 <= number <= len(CURRICULUM):
         raise CruiseError(f"stage must be from 1 to {len(CURRICULUM)}, or {RACE!r}, got {options.stage!r}")
     stage = CURRICULUM[number - 1]
-    usual = stage.agility if options.vehicle == "paper" else VEHICLES[options.vehicle].agility
+    usual = curriculum_of(vehicle)[number - 1].agility
     agility = usual if options.agility is None else float(options.agility)
     if not (math.isfinite(agility) and agility > 0):
         raise CruiseError(f"agility must be above 0 and finite, got {agility}")
-    return VEHICLES[options.vehicle], weights, stage, agility
+    return vehicle, weights, stage, agility
 
 
 def _one_of(name: str, value: object, known: Sequence[str]) -> None:
@@ -163,11 +159,11 @@ def _drones(options: RaceOptions, everybody_learns: bool) -> int:
     return drones
 
 
-def _opponents(options: RaceOptions, track: Track, drones: int) -> tuple[Pilot, ...]:
+def _opponents(options: RaceOptions, track: Track, vehicle: Vehicle, drones: int) -> tuple[Pilot, ...]:
     choices = options.opponents
     if choices is None or (isinstance(choices, list | tuple) and not choices):
-        choices = shipped_name(track.name, drones)
-    return make_match(track, drones - 1, choices).team
+        choices = shipped_name(track.name, drones, reference_to(vehicle))
+    return make_match(track, drones - 1, choices, vehicle=vehicle).team
 
 
 def _laps(options: RaceOptions, track: Track) -> int:

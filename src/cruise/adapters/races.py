@@ -12,9 +12,10 @@ from cruise.adapters.compiled import Carry, Plan, Reset, begin, fly_step
 from cruise.adapters.options import Setup
 from cruise.env.types import RaceState
 from cruise.errors import CruiseError
-from cruise.pilots.cockpit import seat
+from cruise.pilots.python_pilot import separate_python_pilots
 from cruise.precision import single_precision
 from cruise.racing.grid import Start
+from cruise.rollout import ask_python
 
 Info = dict[str, Any]  # arrays [E, L], or dictionaries of such
 
@@ -40,7 +41,7 @@ class Races:
     def __init__(self, setup: Setup, num_races: int, mode: Reset) -> None:
         """Nothing is compiled before the first reset."""
         self.setup, self.num_races = setup, num_races
-        groups, self._cockpits = seat(setup.env, setup.groups)
+        groups, self._python_pilots = separate_python_pilots(setup.env, setup.groups)
         self._plan = Plan(
             setup.env, groups, setup.learners, setup.observation, setup.weights, mode, jnp.int32(setup.limit)
         )
@@ -85,8 +86,8 @@ class Races:
         if not np.isfinite(given).all():
             raise CruiseError("actions must be finite numbers in [-1, 1], got some that are not finite")
         carry = self._running()
-        if self._cockpits:
-            carry = carry._replace(memories=self._cockpits.ask(carry.state, carry.memories))
+        if self._python_pilots:
+            carry = carry._replace(memories=ask_python(self._python_pilots, carry.memories, carry.state))
         self._carry, seen = fly_step(self._plan, self.setup.rules, carry, jnp.asarray(given))
         return _stepped(seen)
 

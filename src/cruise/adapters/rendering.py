@@ -6,12 +6,20 @@ from collections import deque
 from typing import Any, NamedTuple
 
 import numpy as np
+from PIL import Image, ImageDraw
 
 from cruise.adapters.options import Setup
-from cruise.adapters.picture import Painter
 from cruise.env.types import RaceState
+from cruise.racing.shapes import footprint
+from cruise.racing.solids import outlines
+from cruise.viewer.painting import look
+from cruise.viewer.painting.scene import Drone, Scene, make_scene, paint_scene
+from cruise.viewer.painting.scenery import track_scenery
 
 TRAIL = 25  # control steps that a drone's trail goes back
+SIZE = (640, 480)  # of pictures [px]
+TEXT, ROW, EDGE, CHIP = 12, 16, 10, 9  # of what is written [px]
+MOST_ROWS = 8
 COLUMNS, ROWS = 64, 22  # of the map in text
 
 
@@ -21,7 +29,7 @@ class Frame(NamedTuple):
     time: float  # [s]
     position_w: np.ndarray  # [N, 3]
     velocity_w: np.ndarray  # [N, 3]
-    euler: np.ndarray  # [N, 3]
+    rotation: np.ndarray  # [N, 3, 3] from body to world
     next_gate: np.ndarray  # [N]
     gates_passed: np.ndarray  # [N]
     out: np.ndarray  # [N]
@@ -36,7 +44,7 @@ class Screen:
         """Nothing is drawn yet."""
         self.setup = setup
         self._trail: deque[np.ndarray] = deque(maxlen=TRAIL)
-        self._painter: Painter | None = None
+        self._scene: Scene | None = None
         self._window: _Window | None = None
 
     def begin(self) -> None:
@@ -49,20 +57,24 @@ class Screen:
 
     def frame(self, state: RaceState, race: int) -> Frame:
         """What there is to draw of a race."""
-        euler = np.asarray(self.setup.env.dynamics.euler(state.drones))[..., race].T
+        rotation = np.moveaxis(np.asarray(self.setup.env.dynamics.rotation(state.drones))[..., race], -1, 0)
         position, velocity = (np.asarray(v)[..., race].T for v in (state.drones.position_w, state.drones.velocity_w))
         counted = (state.next_gate, state.gates_passed, state.out, state.finished)
         gate, passed, out, finished = (np.asarray(value)[..., race] for value in counted)
         steps = int(np.asarray(state.step)[race])
         trail = [places[race] for places in self._trail][-steps - 1 :]
         seconds = steps * self.setup.env.dynamics.control_dt
-        return Frame(seconds, position, velocity, euler, gate, passed, out, finished, np.array(trail or [position]))
+        return Frame(seconds, position, velocity, rotation, gate, passed, out, finished, np.array(trail or [position]))
 
     def picture(self, frame: Frame) -> np.ndarray:
         """[H, W, 3] uint8."""
-        if self._painter is None:
-            self._painter = Painter(self.setup.track)
-        return self._painter.paint(frame, status(self.setup, frame))
+        lines = status(self.setup, frame)[:MOST_ROWS]
+        if self._scene is None:
+            margins = (EDGE, EDGE + ROW * (len(lines) + 1.5), EDGE, EDGE)
+            self._scene = make_scene(track_scenery(self.setup.track), SIZE, margins)
+        picture = paint_scene(self._scene, _drones(frame), _strips(self.setup, frame))
+        _write(picture, f"{self.setup.track.name}   {frame.time:.1f} s", lines)
+        return np.asarray(picture)
 
     def show(self, frame: Frame) -> None:
         """Draw in a window, in real time."""
@@ -75,6 +87,34 @@ class Screen:
         if self._window is not None:
             self._window.close()
             self._window = None
+
+
+def _drones(frame: Frame) -> list[Drone]:
+    """What there is to paint; trails fade with their age."""
+    age = np.linspace(1.0, 0.0, len(frame.trail))
+    return [
+        Drone(k, place, frame.rotation[k], _fate(frame, k) or "flying", frame.trail[:, k], age)
+        for k, place in enumerate(frame.position_w)
+    ]
+
+
+def _strips(setup: Setup, frame: Frame) -> list[look.Colour]:
+    """The gate that drone 1 flies to is lit."""
+    following = int(frame.next_gate[0])
+    return [look.HIGHLIGHT if gate == following else look.STRIP for gate in range(len(setup.track.gates))]
+
+
+def _write(picture: Image.Image, title: str, lines: list[str]) -> None:
+    draw = ImageDraw.Draw(picture)
+    draw.text((EDGE, EDGE), title, look.INK, look.font(TEXT, bold=True))
+    for row, line in enumerate(lines, start=1):
+        top = EDGE + ROW * row
+        draw.rectangle((EDGE, top + 2, EDGE + CHIP, top + 2 + CHIP), fill=look.colour_of(row - 1))
+        draw.text((EDGE + 2 * CHIP, top), line, look.INK, look.font(TEXT))
+
+
+def _fate(frame: Frame, drone: int) -> str:
+    return "finished" if frame.finished[drone] else "out" if frame.out[drone] else ""
 
 
 class _Window:
@@ -113,7 +153,7 @@ def status(setup: Setup, frame: Frame) -> list[str]:
     """A line for every drone."""
     lines = []
     for drone, name in enumerate(setup.names):
-        fate = "finished" if frame.finished[drone] else "out" if frame.out[drone] else ""
+        fate = _fate(frame, drone)
         speed = float(np.linalg.norm(frame.velocity_w[drone]))
         words = fate or f"{speed:4.1f} m/s, to gate {int(frame.next_gate[drone]) + 1}"
         lines.append(f"{drone + 1} {name}: {int(frame.gates_passed[drone])} gates, {words}")
@@ -121,7 +161,7 @@ def status(setup: Setup, frame: Frame) -> list[str]:
 
 
 def ansi(setup: Setup, frame: Frame) -> str:
-    """The race from above, in characters: gates by letter, drones by number; then a line for every drone."""
+    """The race from above, in characters: gates by letter, drones by number, solids as #; then a line per drone."""
     gates = np.array([gate.position_w for gate in setup.track.gates])
     points = np.concatenate([gates, frame.position_w])[:, :2]
     low = np.minimum(points.min(axis=0), gates[:, :2].min(axis=0)) - 2.0
@@ -132,6 +172,10 @@ def ansi(setup: Setup, frame: Frame) -> str:
         column, row = ((place[:2] - low) / span * (COLUMNS - 1, ROWS - 1)).round().astype(int)
         grid[ROWS - 1 - row][column] = sign
 
+    for solid in outlines(setup.track.obstacles):
+        for place in (np.array(solid.centre_w), *footprint(solid)):
+            if (np.abs(place[:2] - low - span / 2) <= span / 2).all():
+                put(place, "#")
     for number, gate in enumerate(gates):
         put(gate, chr(ord("A") + number % 26))
     for drone in range(len(frame.position_w)):

@@ -6,11 +6,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from rich.console import Console
-from rich.markup import escape
 from rich.table import Column, Table
 
 from cruise.cli.compilation import prepare_flight
+from cruise.cli.console import make_console
 from cruise.cli.line_up import LineUp, described
 from cruise.cli.outputs import check_output
 
@@ -30,7 +29,7 @@ class Evaluate:
     episodes: int = 100
     """Races, each from a fresh random start."""
     seed: int = 0
-    """Of the starts; they differ from those of training for every seed."""
+    """Seed of the starts, which are never those of training."""
     json: bool = False
     """Print one JSON object instead of a table."""
     html: Annotated[Path | None, described("FILE")] = None
@@ -53,7 +52,7 @@ class Evaluate:
         if self.json:
             print(json.dumps(evaluation.to_dict(), indent=2, allow_nan=False))
             return 0
-        console = Console()
+        console = make_console()
         console.print(measured_table(evaluation))
         if len(evaluation.pilots) > 1:
             console.print(pilot_table(evaluation))
@@ -91,7 +90,7 @@ def measured_table(evaluation: "Evaluation") -> Table:
     numbers = (Column(title, justify="right") for title in ("mean", "std", "95 % interval"))
     drones, races = counted(evaluation.drones, "drone"), counted(evaluation.episodes, "race")
     title = f"{evaluation.policy} on {evaluation.track}: {drones}, {races}, seed {evaluation.seed}"
-    table = Table("", *numbers, "", title=escape(title))
+    table = Table("", *numbers, "", title=title)
     for name, key, factor, unit in ROWS:
         table.add_row(name, *cells(getattr(evaluation, key), factor), unit)
         for kind, estimate in evaluation.collisions_by_kind.items() if key == BY_KIND_AFTER else ():
@@ -102,11 +101,11 @@ def measured_table(evaluation: "Evaluation") -> Table:
 def pilot_table(evaluation: "Evaluation") -> Table:
     """One row per pilot of a mixed field."""
     titles = ("drones", "won %", "success %", "flying lap [s]", "mean speed [m/s]", "gates")
-    table = Table("pilot", *(Column(escape(title), justify="right") for title in titles))
+    table = Table("pilot", *(Column(title, justify="right") for title in titles))
     for pilot in evaluation.pilots:
         shares = [f"{100 * rate.mean:.1f}" for rate in (pilot.win_rate, pilot.success_rate)]
         means = [number(e.mean) for e in (pilot.flying_lap_time, pilot.mean_speed, pilot.gates_passed)]
-        table.add_row(escape(pilot.name), str(pilot.drones), *shares, *means)
+        table.add_row(pilot.name, str(pilot.drones), *shares, *means)
     return table
 
 

@@ -5,14 +5,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import tyro
-from rich.console import Console
 
+from cruise.cli.console import make_console
 from cruise.cli.line_up import described
 from cruise.cli.outputs import check_output
 from cruise.errors import CruiseError
 from cruise.extras import import_extra
 from cruise.racing.track_file import load_one_track
-from cruise.vehicles import find_vehicle
+from cruise.vehicles import load_vehicle
 
 if TYPE_CHECKING:
     from cruise.limit.lap import Limit
@@ -24,14 +24,14 @@ class FindLimit:
 
     track: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="NAME|FILE")]
     """Built-in track, or path of a TOML file."""
-    vehicle: str = "racer"
-    """`cruise vehicles` lists them."""
+    vehicle: Annotated[str, tyro.conf.arg(metavar="NAME|FILE")] = "racer"
+    """Built-in vehicle (`cruise vehicles` lists them), or path of a TOML file."""
     standing: bool = False
     """From hovering in the middle of gate 1, not in periodic flight."""
     laps: int = 1
     """Laps from standing that are optimal as a whole; in periodic flight, how often the log repeats the lap."""
     margin: float = 0.25
-    """Kept from the edges of every opening [m]."""
+    """Kept from the edges of every opening, and from poles and walls [m]."""
     steps: int | None = None
     """From gate to gate, in each of which a control is held: more are finer. 20 if not given; not for `paper`."""
     largest_change: float | None = None
@@ -42,7 +42,7 @@ class FindLimit:
     def run(self) -> int:
         """Solve, print the lap and its splits, write the log."""
         check_output("--log", self.log, ".npz")
-        track, vehicle = load_one_track(self.track), find_vehicle(self.vehicle)
+        track, vehicle = load_one_track(self.track), load_vehicle(self.vehicle)
         import_extra("casadi", "limit", "the limit needs CasADi")
         from cruise.limit.lap import MAX_LAPS, Options, find_limit  # noqa: PLC0415  (imports CasADi, and JAX with the rotors)
         from cruise.limit.log import limit_log  # noqa: PLC0415
@@ -50,7 +50,7 @@ class FindLimit:
         if not 1 <= self.laps <= MAX_LAPS:
             raise CruiseError(f"--laps must be between 1 and {MAX_LAPS}, not {self.laps}")
         options = Options(self.margin, self.laps if self.standing else 0, self.steps, self.largest_change)
-        with Console(stderr=True).status("searching; a vehicle that is flown in steps takes a minute or two"):
+        with make_console(stderr=True).status("searching; a vehicle that is flown in steps takes a minute or two"):
             limit = find_limit(track, vehicle, options)
         print("\n".join(told(limit)))
         if self.log is not None:
@@ -66,6 +66,8 @@ def told(limit: "Limit") -> list[str]:
     splits = " ".join(f"{time:.3f}" for time in limit.lap.duration)
     struck = ", ".join(str(gate + 1) for gate in limit.frames_struck)
     note = [f"beware   this line runs through the frame of gate {struck}"] if struck else []
+    solids = ", ".join(str(number + 1) for number in limit.solids_struck)
+    note += [f"beware   this line runs through obstacle {solids}"] if solids else []
     return [
         f"{limit.track.name} by {limit.vehicle.name} ({limit.equations}), {kind}",
         f"lap      {times} s",

@@ -39,10 +39,11 @@ class LineUp:
     """Flies one drone: a policy as above, an exported .onnx file, one of chaser, hover, se-ibr and se-ibr-tuned, or a
     pilot of your own in Python, as FILE.py:NAME or MODULE:NAME, whose code is run. Repeat it, once per drone; fewer
     take turns."""
-    vehicle: Annotated[str | None, described("NAME")] = None
-    """What all of them fly (`cruise vehicles` lists them). By default what the pilots were made for, or paper."""
+    vehicle: Annotated[str | None, described("NAME|FILE")] = None
+    """What all of them fly: a built-in vehicle (`cruise vehicles` lists them), or path of a TOML file. By default what
+    the pilots were made for, or paper."""
     randomise: Annotated[float, described("SHARE")] = 0.0
-    """How far races differ from what vehicle and track say: a share of all that a real drone may differ by (0 to 2)."""
+    """Strength of the domain randomisation: 0 is off, 1 is all that a real drone may differ by, 2 the most."""
     simulator: Annotated[str, described("NAME")] = OUR_SIMULATOR
     """What moves the drones: cruise, or one of mujoco, rotorpy and crazyflow, each an extra of that name."""
     budget_ms: float = 10_000.0

@@ -23,6 +23,7 @@ import tyro
 from cruise import __version__
 from cruise.cli.paths import refusing_empty_paths
 from cruise.cli.streams import drop_output, ready_streams
+from cruise.cli.vehicle_flag import vehicle_flags
 from cruise.errors import CruiseError, one_line
 
 BAD_INPUT = 2
@@ -63,11 +64,11 @@ COMMANDS = {
     "tune-planner": Entry(
         "cruise.cli.tune_planner", "TunePlanner", "Find how fast the SE-IBR planner can fly a track."
     ),
-    "reproduce": Entry("cruise.cli.reproduce", "Reproduce", "Run the paper's experiments again and write a report."),
-    "sweep": Entry("cruise.cli.sweep", "Sweep", "Run many of those experiments at once, on a machine or a cluster."),
+    "reproduce": Entry("cruise.cli.experiments", "Reproduce", "Run the paper's experiments again and write a report."),
+    "sweep": Entry("cruise.cli.experiments", "Sweep", "Run many of those experiments at once, here or on a cluster."),
     "new-pilot": Entry("cruise.cli.new_pilot", "NewPilot", "Write a pilot in Python to start from."),
     "export": Entry("cruise.cli.export", "Export", "Write a policy as an ONNX model or a C header."),
-    "vehicles": Entry("cruise.cli.vehicles", "Vehicles", "List the vehicles."),
+    "vehicles": Entry("cruise.cli.vehicles", "Vehicles", "List, show, check and write vehicles."),
     "policies": Entry("cruise.cli.policies", "Policies", "List the shipped policies."),
 }
 
@@ -165,7 +166,7 @@ def _parse_as(arguments: list[str], chosen: str, kind: Any, usual: Any) -> Comma
     kinds = [_described(name, entry, (kind, usual) if name == chosen else None) for name, entry in COMMANDS.items()]
     complaint = io.StringIO()
     try:
-        with contextlib.redirect_stderr(complaint), refusing_empty_paths():
+        with contextlib.redirect_stderr(complaint), vehicle_flags(), refusing_empty_paths():
             command: Command = tyro.cli(
                 functools.reduce(operator.or_, kinds),
                 prog="cruise",

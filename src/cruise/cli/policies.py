@@ -4,9 +4,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from rich.box import SIMPLE_HEAD
-from rich.console import Console
-from rich.markup import escape
 from rich.table import Column, Table
+
+from cruise.cli.console import make_console
 
 if TYPE_CHECKING:
     from cruise.storage.policy_file import PolicyMeta
@@ -24,7 +24,7 @@ class Policies:
         if not policies:
             print("no policies are shipped with this installation")
             return 0
-        Console().print(policy_table(policies))
+        make_console().print(policy_table(policies))
         return 0
 
 
@@ -41,7 +41,7 @@ def policy_table(policies: "dict[str, PolicyMeta]") -> Table:
             "-" if speed is None else f"{speed:.2f} m/s",
         )
         numbers = (f"{meta.all_steps / 1e6:.1f} M", str(meta.seed), *results)
-        table.add_row(escape(name), *numbers, escape(meta.version))
+        table.add_row(name, *numbers, meta.version)
     return table
 
 

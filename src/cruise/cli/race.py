@@ -8,11 +8,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated
 
-from rich.console import Console
-from rich.markup import escape
 from rich.table import Column, Table
 
 from cruise.cli.compilation import prepare_flight
+from cruise.cli.console import make_console
 from cruise.cli.line_up import LineUp, described
 from cruise.cli.outputs import Films, Outputs, show
 from cruise.cli.watch import Watch
@@ -36,7 +35,7 @@ class Race:
     laps: Annotated[int | None, described("N")] = None
     """Laps to fly. By default the track's."""
     seed: int = 0
-    """Of the random start."""
+    """Seed of the random start."""
     races: Annotated[int | None, described("N")] = None
     """How many races, each from a random start of its own; the replay steps through them. By default 1, or with --watch
     one after the other until Ctrl-C."""
@@ -56,7 +55,7 @@ class Race:
         logs = list(run_races(self.line_up.match(self.laps), races, self.seed))
         results = [race_result(log) for log in logs]
         products = self.outputs.write(logs, race_labels(self.seed, len(logs)))
-        Console().print(result_table(logs[0], results[0]) if len(logs) == 1 else races_table(logs[0], results))
+        make_console().print(result_table(logs[0], results[0]) if len(logs) == 1 else races_table(logs[0], results))
         self.outputs.tell(products)
         return 0
 
@@ -105,12 +104,12 @@ def result_table(log: "RaceLog", result: "RaceResult") -> Table:
     """The drones, best first."""
     numbers = [Column(title, justify="right") for title in COLUMNS]
     laps = "1 lap" if log.laps == 1 else f"{log.laps} laps"
-    table = Table(Column("", justify="right"), "drone", "pilot", *numbers, "", title=escape(f"{log.track}, {laps}"))
+    table = Table(Column("", justify="right"), "drone", "pilot", *numbers, "", title=f"{log.track}, {laps}")
     for rank, drone in enumerate(result.ranking, start=1):
         mine = result.drones[drone]
         laps_flown = max(0, mine.gates_passed - 1) // log.num_gates
         measured = (f"{laps_flown}", seconds(mine.finish_time), seconds(mine.best_lap), f"{mine.top_speed:.2f} m/s")
-        table.add_row(str(rank), str(drone + 1), escape(str(log.pilots[drone])), *measured, mine.fate)
+        table.add_row(str(rank), str(drone + 1), str(log.pilots[drone]), *measured, mine.fate)
     return table
 
 
@@ -118,7 +117,7 @@ def races_table(log: "RaceLog", results: Sequence["RaceResult"]) -> Table:
     """Several races, one row each."""
     titles = ("race", "won by", "time", "best lap", "finished", "overtakes")
     laps = "1 lap" if log.laps == 1 else f"{log.laps} laps"
-    title = escape(f"{log.track}, {laps}, {log.num_drones} drones")
+    title = f"{log.track}, {laps}, {log.num_drones} drones"
     table = Table(*(Column(name, justify="right") for name in titles), title=title)
     for race, result in enumerate(results, start=1):
         best = result.drones[result.ranking[0]]

@@ -5,11 +5,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from rich.console import Console
-from rich.markup import escape
 from rich.table import Column, Table
 
 from cruise.cli.compilation import prepare_flight
+from cruise.cli.console import make_console
 from cruise.cli.evaluate import counted, number
 from cruise.cli.line_up import LineUp, described
 from cruise.cli.outputs import check_output
@@ -23,13 +22,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Robustness:
-    """Measure how success and lap time depend on what may differ in reality, one thing after the other."""
+    """Measure how success and lap time depend on each kind of randomisation, one after the other."""
 
     line_up: LineUp = field(default_factory=LineUp)
     episodes: int = 100
-    """Races at every strength of every deviation."""
+    """Races at every strength of each randomisation."""
     seed: int = 0
-    """Of the starts and of what differs; they are never those of training."""
+    """Seed of the starts and of the randomisation, which are never those of training."""
     png: Annotated[Path | None, described("FILE")] = None
     """Where to draw the figure (.png)."""
     json: bool = False
@@ -52,7 +51,7 @@ class Robustness:
         if self.json:
             print(json.dumps([_plain(point) for point in points], indent=2, allow_nan=False))
             return 0
-        Console().print(robustness_table(points, self._title(match)))
+        make_console().print(robustness_table(points, self._title(match)))
         if self.png is not None:
             print(f"figure   {self.png}")
         return 0
@@ -65,8 +64,8 @@ class Robustness:
 
 def robustness_table(points: "list[Point]", title: str) -> Table:
     """One row per strength of each kind; 1.0 is the full randomisation."""
-    numbers = (Column(escape(name), justify="right") for name in ("strength", "value", "finished %", "flying lap [s]"))
-    table = Table("what differs", *numbers, title=escape(title))
+    numbers = (Column(name, justify="right") for name in ("strength", "value", "finished %", "flying lap [s]"))
+    table = Table("what differs", *numbers, title=title)
     before = points[0].cell.kind
     for point in points:
         cell = point.cell
@@ -75,7 +74,7 @@ def robustness_table(points: "list[Point]", title: str) -> Table:
         name = cell.kind.name if cell.strength else "nothing"
         value = f"{cell.value:+g} {cell.kind.unit}" if cell.kind.signed else f"{cell.value:g} {cell.kind.unit}"
         measured = (f"{100 * point.success_rate.mean:.1f}", number(point.flying_lap_time.mean))
-        table.add_row(escape(name), f"{cell.strength:g}", value if cell.strength else "", *measured)
+        table.add_row(name, f"{cell.strength:g}", value if cell.strength else "", *measured)
         before = cell.kind
     return table
 

@@ -4,11 +4,10 @@ import json
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from rich.console import Console
-from rich.markup import escape
 from rich.table import Column, Table
 
 from cruise.cli.compilation import prepare_flight
+from cruise.cli.console import make_console
 from cruise.cli.evaluate import counted, number
 from cruise.cli.line_up import LineUp
 from cruise.config import OUR_SIMULATOR
@@ -26,7 +25,7 @@ class SimToSim:
     episodes: int = 100
     """Races in each simulator, from the same starts."""
     seed: int = 0
-    """Of the starts; they differ from those of training for every seed."""
+    """Seed of the starts, which are never those of training."""
     json: bool = False
     """Print one JSON object instead of a table."""
 
@@ -41,7 +40,7 @@ class SimToSim:
         if self.json:
             print(json.dumps({one.simulator: _plain(one) for one in found}, indent=2, allow_nan=False))
         else:
-            Console().print(simulator_table(found))
+            make_console().print(simulator_table(found))
         return 0
 
 
@@ -50,8 +49,8 @@ def simulator_table(found: "list[Flown]") -> Table:
     ours = found[0].evaluation
     assert ours is not None
     title = f"{ours.policy} on {ours.track}: {counted(ours.episodes, 'race')} of {ours.drones}, seed {ours.seed}"
-    numbers = (Column(escape(name), justify="right") for name in ("finished %", "flying lap [s]", "to ours"))
-    table = Table("simulator", *numbers, "what differs", title=escape(title))
+    numbers = (Column(name, justify="right") for name in ("finished %", "flying lap [s]", "to ours"))
+    table = Table("simulator", *numbers, "what differs", title=title)
     for one in found:
         if one.evaluation is None:
             table.add_row(

@@ -7,13 +7,13 @@ from pathlib import Path
 from typing import Annotated
 
 import tyro
-from rich.console import Console
-from rich.markup import escape
 from rich.table import Column, Table
 
+from cruise.cli.console import make_console
 from cruise.config import Track
 from cruise.presets import TRACKS
 from cruise.racing.random_track import USUAL_GATES, random_track
+from cruise.racing.solids import outlines
 from cruise.racing.track_file import document_faults, load_one_track, read_document, save_track, track_faults
 from cruise.racing.track_geometry import lap_length, segment_lengths
 from cruise.racing.track_schema import shown
@@ -30,7 +30,7 @@ class List:
         table = Table("track", *(_right(title) for title in ("gates", "lap [m]", "laps")))
         for track in TRACKS.values():
             table.add_row(track.name, str(len(track.gates)), f"{lap_length(track.gates):.2f}", str(track.laps))
-        Console().print(table)
+        make_console().print(table)
         return 0
 
 
@@ -44,7 +44,7 @@ class Show:
     def run(self) -> int:
         """Print a table of gates, then the lap and the limits."""
         track = load_one_track(self.track)
-        Console().print(_gate_table(track))
+        _print_track(track)
         print(_summary(track))
         print(f"bounds {_corner(track.bounds_low)} to {_corner(track.bounds_high)} m")
         print(f"gate frames {track.frame_width:g} m wide")
@@ -81,14 +81,18 @@ class Random:
     """How many, from 3 to 40."""
     difficulty: float = 0.5
     """From 0, wide bends nearly level, to 1: close, shuffled, at all heights, gates one above the other."""
+    obstacles: int = 0
+    """Poles and walls beside the way from gate to gate, up to 60."""
+    tilt: float = 0.0
+    """Largest roll and pitch of the gates, up to 60 [deg]."""
     out: Path | None = None
     """Write it to this TOML file."""
 
     def run(self) -> int:
         """Print the gates, or write the file."""
-        track = random_track(self.seed, self.gates, self.difficulty)
+        track = random_track(self.seed, self.gates, self.difficulty, self.obstacles, math.radians(self.tilt))
         if self.out is None:
-            Console().print(_gate_table(track))
+            _print_track(track)
         else:
             save_track(track, self.out)
             print(f"track {self.out}")
@@ -113,17 +117,40 @@ class Tracks:
 
 
 def _gate_table(track: Track) -> Table:
-    titles = ("gate", "x", "y", "z", "yaw", "width", "height", "to next")
-    table = Table(*(_right(title) for title in titles), title=escape(f"{track.name} (metres, degrees)"))
+    """Roll, pitch and shape only where some gate is tilted or round."""
+    leans, is_round = (
+        any(gate.roll or gate.pitch for gate in track.gates),
+        any(gate.shape == "round" for gate in track.gates),
+    )
+    titles = ["gate", "x", "y", "z", "yaw", *(("pitch", "roll") if leans else ()), "width", "height", "to next"]
+    table = Table(*map(_right, titles), *(("shape",) if is_round else ()), title=f"{track.name} (metres, degrees)")
     for number, (gate, way) in enumerate(zip(track.gates, segment_lengths(track.gates), strict=True), start=1):
-        yaw = math.degrees(math.remainder(gate.yaw, 2 * math.pi))
-        numbers = (*gate.position_w, yaw, gate.width, gate.height, way)
-        table.add_row(str(number), *(f"{value:.2f}" for value in numbers))
+        turns = [math.degrees(math.remainder(angle, 2 * math.pi)) for angle in (gate.yaw, gate.pitch, gate.roll)]
+        shown = [f"{angle:.1f}" for angle in turns] if leans else [f"{turns[0]:.2f}"]
+        height = gate.width if gate.shape == "round" else gate.height
+        place, size = ([f"{value:.2f}" for value in part] for part in (gate.position_w, (gate.width, height, way)))
+        table.add_row(str(number), *place, *shown, *size, *((gate.shape,) if is_round else ()))
     return table
 
 
+def _solid_table(track: Track) -> Table:
+    """Poles and walls by the upright boxes around them."""
+    table = Table("solid", *map(_right, ("x", "y", "from z", "to z", "yaw", "length", "width")))
+    for solid in outlines(track.obstacles):
+        (x, y, z), (length, width, height) = solid.centre_w, solid.size
+        numbers = (x, y, z - height / 2, z + height / 2, math.degrees(solid.yaw), length, width)
+        table.add_row(solid.kind, *(f"{value:.2f}" for value in numbers))
+    return table
+
+
+def _print_track(track: Track) -> None:
+    make_console().print(_gate_table(track))
+    if track.obstacles:
+        make_console().print(_solid_table(track))
+
+
 def _right(title: str) -> Column:
-    return Column(escape(title), justify="right")
+    return Column(title, justify="right")
 
 
 def _summary(track: Track) -> str:

@@ -7,16 +7,16 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import tyro
-from rich.console import Console
 from tyro.constructors import PrimitiveConstructorSpec
 
 from cruise.cli.compilation import prepare_training, start_jax
+from cruise.cli.console import make_console
 from cruise.cli.line_up import described
 from cruise.cli.progress import make_screen
 from cruise.cli.watch import Watch
 from cruise.config import TrainConfig
 from cruise.errors import CruiseError
-from cruise.presets import MAX_RANDOMISE, REWARDS, VEHICLES, training_config, training_randomisation
+from cruise.presets import MAX_RANDOMISE, REWARDS, training_config, training_randomisation
 from cruise.racing.random_track import training_track
 from cruise.racing.track_file import is_name
 from cruise.vehicles import find_vehicle
@@ -54,8 +54,8 @@ class Train:
     resume: Annotated[Path | None, tyro.conf.arg(metavar="RUN_DIR")] = None
     """Continue the run in this folder; its own configuration holds, and other flags of the run are refused."""
     randomise: Annotated[float | None, described("SHARE"), SHARE] = None
-    """How much of what is full for the vehicle races differ by (0 to 2), before single flags such as --mass-spread; by
-    default 0 for the paper's vehicle and 0.5 for others."""
+    """Strength of the domain randomisation (0 to 2; 1 is all that a real drone may differ by); single flags such as
+    --mass-spread override it. By default 0 for the paper's vehicle and 0.5 for others."""
     reward_preset: Literal["default", "paper"] = "default"
     """Reward weights: the project's, or those printed in the paper."""
     episodes: int = 100
@@ -72,7 +72,7 @@ class Train:
     @classmethod
     def usual(cls, asked: "Train") -> "Train":
         """The defaults, which the vehicle, the number of drones and the randomisation that were asked for decide."""
-        vehicle = find_vehicle(asked.config.vehicle).name
+        vehicle = find_vehicle(asked.config.vehicle)
         config = training_config(vehicle, asked.config.drones)
         if asked.randomise is not None:
             config = dataclasses.replace(config, randomisation=training_randomisation(vehicle, asked.randomise))
@@ -99,12 +99,12 @@ class Train:
         folder = self.resume or self.out or default_folder(config)
         devices = choose_devices(config.ppo.races, self.devices)
         track = run_track(folder, config) if self.resume else training_track(config)
-        vehicle = VEHICLES[config.vehicle]
+        vehicle = find_vehicle(config.vehicle)
         session = Session(folder, config, track, vehicle, resume=bool(self.resume), devices=devices)
         try:
             with (
                 self.watch.training(session) as offer,
-                make_screen(Console(quiet=not is_first()), config, session.trainer.total_steps) as screen,
+                make_screen(make_console(quiet=not is_first()), config, session.trainer.total_steps) as screen,
             ):
                 for progress in session:
                     screen.show(progress)

@@ -18,7 +18,7 @@ class Watch:
     watch: bool = False
     """Serve a page that shows races as they are flown, on this machine alone. Its address is printed."""
     port: int = 0
-    """Of that page; by default a free one."""
+    """Port of that page; by default a free one."""
 
     def server(self, title: str) -> "LiveServer":
         """A server whose address has been printed."""
@@ -36,12 +36,12 @@ class Watch:
         if not (self.watch and is_first()):
             yield lambda progress: None
             return
-        from cruise.presets import VEHICLES  # noqa: PLC0415
+        from cruise.vehicles import find_vehicle  # noqa: PLC0415
         from cruise.viewer.training_races import TrainingRaces  # noqa: PLC0415
 
         config, track = session.config, session.track
         with self.server(f"{track.name}, training") as server:
-            vehicle, steps = VEHICLES[config.vehicle], session.trainer.total_steps
+            vehicle, steps = find_vehicle(config.vehicle), session.trainer.total_steps
             races = TrainingRaces(server.broadcast, config, track, vehicle, steps)
             try:
                 yield races.offer

@@ -2,11 +2,11 @@
 
 from cruise.config import Vehicle
 from cruise.dynamics.cascade import make_cascade
-from cruise.dynamics.checks import check_vehicle
 from cruise.dynamics.parameters import Parameters
 from cruise.dynamics.quadrotor import make_quadrotor
 from cruise.dynamics.references import with_control
 from cruise.dynamics.types import DroneState, Dynamics, FreeBody, Reference, RigidBody
+from cruise.vehicles.checks import check_vehicle
 
 __all__ = ["DroneState", "Dynamics", "FreeBody", "Parameters", "Reference", "RigidBody", "make_dynamics"]
 

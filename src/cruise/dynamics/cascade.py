@@ -1,29 +1,29 @@
 """The paper's vehicle: a desired acceleration, through a cascade of PD laws, to thrust and torque."""
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array
 
+from cruise.actions import acceleration
 from cruise.config import Vehicle
+from cruise.dynamics.algebra import JAX, Algebra
 from cruise.dynamics.integrators import make_integrator
 from cruise.dynamics.parameters import AS_BUILT, Parameters
+from cruise.dynamics.quaternion import Vector
 from cruise.dynamics.rigid_body import Wrench, make_derivative, rotation_matrix, thrust_axis_w
 from cruise.dynamics.tracking import demanded_acceleration
 from cruise.dynamics.types import DroneState, Dynamics, Reference, RigidBody
 from cruise.vector import sin_cos
 
-ACTION_SIZE = 3
 RATE_SCALE = 3.0  # body rates of a hard turn [rad/s]
 AGILITY_SCALE = 4.0  # a middling agility [m/s^2]
 
 
-def velocity_error(action: Float[Array, "3 *B"], agility: Array | float, control_dt: float) -> Float[Array, "3 *B"]:
+def velocity_error(action: Vector, agility: Array | float, control_dt: float, algebra: Algebra = JAX) -> Vector:
     """e_v = v_desired - v, with v_desired = v + agility clip(action, -1, 1) dt (the paper's action equation)."""
-    return agility * jnp.clip(action, -1.0, 1.0) * control_dt
+    return agility * algebra.clip(action, -1.0, 1.0) * control_dt
 
 
-def commanded_acceleration(
-    vehicle: Vehicle, error: Array, previous_error: Array, velocity_w: Array
-) -> Float[Array, "3 *B"]:
+def commanded_acceleration(vehicle: Vehicle, error: Vector, previous_error: Vector, velocity_w: Vector) -> Vector:
     """a_cmd = K_p,pos (K_v e + K_vd (e - e_previous)) - K_d,pos v [m/s^2].
 
     The difference is not divided by dt: so the repository's gains were tuned.
@@ -33,14 +33,14 @@ def commanded_acceleration(
     return gains.position_p * desired - gains.position_d * velocity_w
 
 
-def wrench_from_acceleration(vehicle: Vehicle, command: Float[Array, "3 *B"], body: RigidBody) -> Wrench:
+def wrench_from_acceleration(vehicle: Vehicle, command: Vector, body: RigidBody, algebra: Algebra = JAX) -> Wrench:
     """Thrust for the command's vertical part, torque towards the roll and pitch that give its lateral part.
 
     The paper prints T = m (g + a_z) without a bound; here T >= 0, because a rotor cannot pull down.
     """
     gains, g = vehicle.controller, vehicle.gravity
-    thrust = jnp.maximum(vehicle.mass * (g + command[2]), 0.0)
-    desired = jnp.stack([-command[1] / g, command[0] / g, jnp.zeros_like(thrust)])
+    thrust = algebra.maximum(vehicle.mass * (g + command[2]), 0.0)
+    desired = algebra.stack([-command[1] / g, command[0] / g, algebra.zeros_like(thrust)])
     torque = gains.attitude_p * (desired - body.euler) - gains.attitude_d * body.angular_velocity_b
     return Wrench(thrust, torque)
 
@@ -76,7 +76,7 @@ def make_cascade(vehicle: Vehicle) -> Dynamics:
         return jnp.clip(demanded_acceleration(vehicle.tracking, state, reference, agility), -1.0, 1.0)
 
     return Dynamics(
-        ACTION_SIZE,
+        acceleration(vehicle.agility),
         vehicle.control_dt,
         init,
         step,

@@ -1,5 +1,6 @@
 """Physical parameters that may differ from race to race inside the compiled step."""
 
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 from jaxtyping import Array, Float
@@ -67,3 +68,11 @@ def physics_of(vehicle: Vehicle, parameters: Parameters = AS_BUILT) -> Physics:
     )
     changed: dict[str, Any] = {name: value for name, value in parameters._asdict().items() if value is not None}
     return built._replace(**changed)
+
+
+def remembering(vehicle: Vehicle, extra_delay: float) -> Vehicle:
+    """The vehicle, remembering commands for so much longer than its own delay [s]."""
+    airframe = vehicle.airframe
+    assert airframe is not None
+    longest = max(airframe.longest_delay, airframe.delay + extra_delay)
+    return replace(vehicle, airframe=replace(airframe, longest_delay=longest))

@@ -1,5 +1,6 @@
-"""A quadrotor flown by collective thrust and body rates: rate loop, mixer, rotors, drag, delay, battery, body."""
+"""A quadrotor with rotors, flown by collective thrust and body rates or attitude: loops, mixer, drag, battery, body."""
 
+from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -7,8 +8,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from cruise.actions import hovering_share
 from cruise.config import Airframe, Vehicle
-from cruise.dynamics import quaternion
+from cruise.dynamics import attitude, quaternion
+from cruise.dynamics.attitude import AttitudeSetpoint, Setpoint
 from cruise.dynamics.battery import discharge, ideal_power, supply
 from cruise.dynamics.delay import commands_to_keep, in_effect
 from cruise.dynamics.downwash import induced_air_w
@@ -16,11 +19,9 @@ from cruise.dynamics.integrators import make_integrator
 from cruise.dynamics.parameters import AS_BUILT, Parameters, Physics, physics_of
 from cruise.dynamics.rigid_body import Wrench, make_free_derivative
 from cruise.dynamics.rotors import Demand, Lag, follow, lag_over, rotor_thrusts, saturate, scaled
-from cruise.dynamics.tracking import demanded_acceleration, towards, within_thrust
+from cruise.dynamics.tracking import demanded_force, towards
 from cruise.dynamics.types import DroneState, Dynamics, FreeBody, Reference
 from cruise.vector import stored
-
-ACTION_SIZE = 4
 
 
 class Memory(NamedTuple):
@@ -31,18 +32,15 @@ class Memory(NamedTuple):
     charge: Float[Array, "*B"] | None  # of the battery, in [0, 1]; None without one
 
 
-class Setpoint(NamedTuple):
-    """What an action asks for."""
-
-    thrust: Float[Array, "*B"]  # collective, per mass [m/s^2]
-    rates_b: quaternion.Three  # [rad/s]
-
-
 def make_quadrotor(vehicle: Vehicle) -> Dynamics:
-    """The vehicle as pure functions; `docs/vehicles.md` has its equations."""
+    """The vehicle as pure functions; `docs/vehicles.md` has its equations.
+
+    It is told thrust and attitude where `vehicle.control` says so, thrust and body rates otherwise.
+    """
     airframe = _airframe(vehicle)
+    told = vehicle if _by_attitude(vehicle) else replace(vehicle, control="ctbr")
     return Dynamics(
-        ACTION_SIZE,
+        told.action,
         vehicle.control_dt,
         init=partial(standing, vehicle),
         step=partial(step, vehicle),
@@ -50,8 +48,7 @@ def make_quadrotor(vehicle: Vehicle) -> Dynamics:
         proprioception=partial(proprioception, airframe),
         rotation=rotation,
         internal=partial(internal, airframe),
-        track=partial(track, vehicle),
-        action_frame="body",
+        track=partial(attitude.track if _by_attitude(vehicle) else track, vehicle),
         induced_air=partial(induced_air, airframe) if airframe.downwash else None,
     )
 
@@ -62,15 +59,18 @@ def standing(vehicle: Vehicle, position_w: Array, heading: Array, parameters: Pa
     zero, one = jnp.zeros_like(position_w), jnp.ones_like(position_w[:1])
     body = FreeBody(position_w, zero, quaternion.from_heading(heading), zero)
     wrench = jnp.concatenate([vehicle.mass * vehicle.gravity * one, zero])
-    hovering = jnp.concatenate([hovering_collective(vehicle) * one, zero])
+    hovering = jnp.stack([zero[0] + share for share in hovering_action(vehicle, heading)])
     kept = commands_to_keep(max(airframe.delay, airframe.longest_delay), vehicle.control_dt)
     commands = jnp.broadcast_to(hovering, (kept, *hovering.shape))
     return DroneState(body, Memory(wrench, commands, one[0] if airframe.battery else None), parameters)
 
 
-def hovering_collective(vehicle: Vehicle) -> float:
-    """First component of the action that hovers; the rates are 0."""
-    return 2 * vehicle.gravity / vehicle.agility - 1
+def hovering_action(vehicle: Vehicle, heading: Array | float = 0.0) -> tuple[Array | float, ...]:
+    """The action with which a level drone that looks along `heading` [rad] stays as it is."""
+    share = hovering_share(vehicle.agility, vehicle.gravity)
+    if _by_attitude(vehicle):
+        return 0.0, 0.0, attitude.yaw_share(vehicle, heading), share
+    return share, 0.0, 0.0, 0.0
 
 
 def step(
@@ -84,10 +84,10 @@ def step(
 
     The components of the body are apart in the loop, because XLA fuses them so.
     """
-    airframe, memory, physics = _airframe(vehicle), state.memory, physics_of(vehicle, state.parameters)
+    memory, physics = state.memory, physics_of(vehicle, state.parameters)
     assert isinstance(state.body, FreeBody)
     action = jnp.clip(action, -1.0, 1.0)
-    asked = [setpoint(airframe, command, agility) for command in (action, *memory.commands)]
+    asked = [_asked(vehicle, command, agility) for command in (action, *memory.commands)]
     share, charge = _sag(vehicle, memory)
     dt = vehicle.control_dt / vehicle.substeps
     lag = lag_over(dt, physics.rotor_lag)
@@ -111,6 +111,19 @@ def setpoint(airframe: Airframe, action: Float[Array, "4 *B"], agility: Array | 
     return Setpoint((collective + 1) / 2 * agility, (roll, pitch, yaw))
 
 
+def _asked(vehicle: Vehicle, action: Array, agility: Array | float) -> Setpoint | AttitudeSetpoint:
+    """What an action asks for, by what the vehicle is told."""
+    if _by_attitude(vehicle):
+        return attitude.setpoint(vehicle, action, agility)
+    return setpoint(_airframe(vehicle), action, agility)
+
+
+def rates_asked(vehicle: Vehicle, action: Float[Array, "4 *B"], agility: Array | float, q: Array) -> Setpoint:
+    """What an action asks of the rate loop of a drone with attitude `q`."""
+    asked = _asked(vehicle, action, agility)
+    return attitude.attitude_loop(vehicle, asked, q) if isinstance(asked, AttitudeSetpoint) else asked
+
+
 def rate_loop(vehicle: Vehicle, lag: Any, asked: Setpoint, rates_b: quaternion.Vector) -> Demand:
     """T = m c and tau = J (omega_c - omega) / t + omega x J omega, with the mass and inertia that the controller knows.
 
@@ -131,8 +144,12 @@ class Flight(NamedTuple):
     gain: Any  # of the rotors
     air_w: Any  # [m/s], component by component, or None
 
-    def advance(self, body: FreeBody, wrench: Demand, asked: Setpoint, lag: Lag, dt: float) -> tuple[FreeBody, Demand]:
+    def advance(
+        self, body: FreeBody, wrench: Demand, asked: Setpoint | AttitudeSetpoint, lag: Lag, dt: float
+    ) -> tuple[FreeBody, Demand]:
         """Body and wrench of the rotors after one sub-step of `dt` [s]."""
+        if isinstance(asked, AttitudeSetpoint):
+            asked = attitude.attitude_loop(self.vehicle, asked, body.attitude)
         demand = rate_loop(self.vehicle, self.physics.rate_lag, asked, body.angular_velocity_b)
         demand = jax.tree.map(stored, saturate(_airframe(self.vehicle).rotors, demand, self.physics.clip_share))
         mean, wrench = follow(lag, wrench, demand)
@@ -143,11 +160,9 @@ class Flight(NamedTuple):
 
 
 def track(vehicle: Vehicle, state: DroneState, reference: Reference, agility: Array | float) -> Float[Array, "4 *B"]:
-    """The action that follows a reference; see `cruise.dynamics.tracking`."""
+    """The thrust and rates that follow a reference; see `cruise.dynamics.tracking`."""
     airframe = _airframe(vehicle)
-    drag = airframe.drag.horizontal / vehicle.mass * state.velocity_w  # fed forward, as Faessler et al. 2018 do
-    force = demanded_acceleration(vehicle.tracking, state, reference) + drag
-    force = within_thrust(force.at[2].add(vehicle.gravity), vehicle.gravity, agility)
+    force = demanded_force(vehicle, state, reference, agility)
     thrust, rates = towards(force, rotation(state), reference.heading, vehicle.tracking.attitude_gain)
     turns = [rate / highest for rate, highest in zip(rates, airframe.rates.highest, strict=True)]
     return jnp.clip(jnp.stack([2 * thrust / agility - 1, *turns]), -1.0, 1.0)
@@ -182,12 +197,16 @@ def _airframe(vehicle: Vehicle) -> Airframe:
     return vehicle.airframe
 
 
+def _by_attitude(vehicle: Vehicle) -> bool:
+    return vehicle.control == "attitude"
+
+
 def _attitude(state: DroneState) -> Float[Array, "4 *B"]:
     assert isinstance(state.body, FreeBody)
     return state.body.attitude
 
 
-def _in_effect(asked: list[Setpoint], delay: Any, elapsed: Any, control_dt: float, dt: float) -> Setpoint:
+def _in_effect(asked: list[Any], delay: Any, elapsed: Any, control_dt: float, dt: float) -> Any:
     return jax.tree.map(lambda *each: in_effect(each, delay, elapsed, control_dt, dt), *asked)
 
 

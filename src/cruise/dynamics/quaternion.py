@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 
 from cruise.vector import sin_cos
 
-Component = Float[Array, "*B"]
+Component = Any  # an array over whatever axes, or a number of another algebra (`cruise.dynamics.algebra`)
 Three = tuple[Component, Component, Component]
 Four = tuple[Component, Component, Component, Component]
 Vector = Any  # three components: a tuple of arrays [*B], or an array [3, *B]
@@ -24,6 +24,34 @@ def from_heading(heading: Float[Array, "*B"]) -> Float[Array, "4 *B"]:
     sine, cosine = sin_cos(heading / 2)
     zero = jnp.zeros_like(heading)
     return jnp.stack([cosine, zero, zero, sine])
+
+
+def from_euler(roll: Component, pitch: Component, yaw: Component) -> Four:
+    """The attitude Rz(yaw) Ry(pitch) Rx(roll), from ZYX Euler angles [rad]."""
+    (sr, cr), (sp, cp), (sy, cy) = sin_cos(roll / 2), sin_cos(pitch / 2), sin_cos(yaw / 2)
+    return (
+        cr * cp * cy + sr * sp * sy,
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+    )
+
+
+def between(q: Quaternion, wanted: Quaternion) -> Four:
+    """Give q^-1 wanted: the rotation, in the body's frame, that is left to turn."""
+    (w, x, y, z), (a, b, c, d) = q, wanted
+    return (
+        w * a + x * b + y * c + z * d,
+        w * b - x * a - y * d + z * c,
+        w * c + x * d - y * a - z * b,
+        w * d - x * c + y * b - z * a,
+    )
+
+
+def up_b(q: Quaternion) -> Three:
+    """The world's z axis in the body's frame: the last row of `rotation_matrix`."""
+    w, x, y, z = q
+    return 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)
 
 
 def derivative(q: Quaternion, angular_velocity_b: Vector) -> Four:

@@ -7,8 +7,6 @@ from cruise.config import Tracking, Vehicle
 from cruise.dynamics.tracking import demanded_acceleration, demanded_velocity
 from cruise.dynamics.types import DroneState, Dynamics, Reference
 
-REFERENCE_SIZE = 3
-
 
 def reference_of(
     vehicle: Vehicle, state: DroneState, action: Float[Array, "3 *B"], agility: Array | float
@@ -50,8 +48,7 @@ def _velocity(tracking: Tracking, state: DroneState, reference: Reference) -> Fl
 
 def with_control(vehicle: Vehicle, dynamics: Dynamics) -> Dynamics:
     """The vehicle flown by what `vehicle.control` says, through its own `track` where that is a reference."""
-    own = "acceleration" if vehicle.airframe is None else "ctbr"
-    if vehicle.control == own:
+    if vehicle.told_directly:
         return dynamics
 
     def step(
@@ -63,4 +60,4 @@ def with_control(vehicle: Vehicle, dynamics: Dynamics) -> Dynamics:
     def track(state: DroneState, reference: Reference, agility: Array | float) -> Float[Array, "3 *B"]:
         return action_of(vehicle, state, reference, agility)
 
-    return dynamics._replace(action_size=REFERENCE_SIZE, step=step, track=track, action_frame="world")
+    return dynamics._replace(action=vehicle.action, step=step, track=track)

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from cruise.config import Rotors
+from cruise.dynamics.algebra import JAX, Algebra
 from cruise.dynamics.parameters import Scalar
 from cruise.dynamics.quaternion import Component, Three
 from cruise.dynamics.rigid_body import Wrench
@@ -25,13 +26,13 @@ def levers(rotors: Rotors) -> tuple[float, float, float]:
     return sideways, forward, rotors.torque_ratio
 
 
-def wrench_of(rotors: Rotors, thrusts: Float[Array, "4 *B"]) -> Wrench:
-    """What four thrusts [N] add up to: T = sum f, tau = sum of lever x sign x f (Mahony et al., RAM 2012)."""
+def wrench_of(rotors: Rotors, thrusts: Any, algebra: Algebra = JAX) -> Wrench:
+    """What four thrusts [4, *B] N add up to: T = sum f, tau = sum of lever x sign x f (Mahony et al., RAM 2012)."""
     torque = [
         lever * sum(sign * thrusts[i] for i, sign in enumerate(signs))
         for lever, signs in zip(levers(rotors), (ROLL, PITCH, YAW), strict=True)
     ]
-    return Wrench(thrusts[0] + thrusts[1] + thrusts[2] + thrusts[3], jnp.stack(torque))
+    return Wrench(thrusts[0] + thrusts[1] + thrusts[2] + thrusts[3], algebra.stack(torque))
 
 
 def places(rotors: Rotors) -> list[tuple[float, float, float]]:

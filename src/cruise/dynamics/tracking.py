@@ -7,7 +7,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from cruise.config import Tracking
+from cruise.config import Tracking, Vehicle
 from cruise.dynamics.types import DroneState, Reference
 from cruise.vector import dot, norm
 
@@ -53,6 +53,20 @@ def within_thrust(
     room = jnp.sqrt(jnp.maximum(highest**2 - up * up, 0.0))
     shrink = jnp.minimum(1.0, room / jnp.maximum(sideways, EPSILON))
     return jnp.stack([force_w[0] * shrink, force_w[1] * shrink, up])
+
+
+def demanded_force(
+    vehicle: Vehicle, state: DroneState, reference: Reference, agility: Array | float
+) -> Float[Array, "3 *B"]:
+    """The force per mass of the rotors that follows a reference [m/s^2], with the airframe's linear drag fed forward.
+
+    So do Faessler, Franchi and Scaramuzza (Differential Flatness of Quadrotor Dynamics Subject to Rotor Drag, RA-L
+    2018).
+    """
+    assert vehicle.airframe is not None
+    drag = vehicle.airframe.drag.horizontal / vehicle.mass * state.velocity_w
+    force = demanded_acceleration(vehicle.tracking, state, reference) + drag
+    return within_thrust(force.at[2].add(vehicle.gravity), vehicle.gravity, agility)
 
 
 def towards(

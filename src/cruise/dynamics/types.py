@@ -1,10 +1,11 @@
 """State of one drone, or of many: components lead, batch axes trail."""
 
 from collections.abc import Callable
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 from jaxtyping import Array, Bool, Float
 
+from cruise.actions import Action, ActionFrame
 from cruise.dynamics.parameters import AS_BUILT, Parameters
 from cruise.dynamics.quaternion import Quaternion, Vector
 
@@ -69,13 +70,13 @@ class Dynamics(NamedTuple):
 
     `init(position_w, heading, parameters)` is a drone at rest, facing `heading` [rad] where its controller can turn.
     `step(state, action, agility, air_w)` advances one `control_dt`, with the action in [-1, 1]^action_size, `agility`
-    its scale, and `air_w` [3, *B] the velocity of the air beyond the parameters' wind, or None. `track(state,
-    reference, agility)` is the action that follows a reference. `proprioception` is what the drone feels of itself
-    beyond position and velocity, for observations: vectors [3, *B] in the world's frame, scaled to order one;
-    `internal` the same in its own frame with what is no vector, [K, *B].
+    its scale (what `action` says holds at the vehicle's usual one), and `air_w` [3, *B] the velocity of the air beyond
+    the parameters' wind, or None. `track(state, reference, agility)` is the action that follows a reference.
+    `proprioception` is what the drone feels of itself beyond position and velocity, for observations: vectors [3, *B]
+    in the world's frame, scaled to order one; `internal` the same in its own frame with what is no vector, [K, *B].
     """
 
-    action_size: int
+    action: Action
     control_dt: float
     init: Callable[..., DroneState]
     step: Callable[..., DroneState]
@@ -84,5 +85,14 @@ class Dynamics(NamedTuple):
     rotation: Callable[[DroneState], Array]  # R_WB [3, 3, *B]
     internal: Callable[[DroneState], Array]
     track: Callable[[DroneState, Reference, Array | float], Array]
-    action_frame: Literal["world", "body"] = "world"  # in which a policy's action has its directions
     induced_air: Callable[[DroneState, Bool[Array, "N *B"]], Array] | None = None  # moved by the other drones [m/s]
+
+    @property
+    def action_size(self) -> int:
+        """How many numbers an action has."""
+        return self.action.size
+
+    @property
+    def action_frame(self) -> ActionFrame:
+        """In which frame a policy's action has its directions."""
+        return self.action.frame

@@ -13,14 +13,15 @@ from cruise.dynamics import DroneState, Dynamics, make_dynamics
 from cruise.env.observation import OBSERVATIONS, action_decoder
 from cruise.env.randomise import perturbation
 from cruise.env.reward import Motion, Target, reward_components, total_reward
+from cruise.env.step_events import Flown, in_order
 from cruise.env.surroundings import AS_SAID, Conditions, Surroundings, gust_w
 from cruise.env.types import Collisions, RaceState, Rules, StepOutcome
-from cruise.racing.contacts import nearest_opponent, on_ground, out_of_bounds
+from cruise.racing.contacts import meet_opponents, meet_solids, on_ground, out_of_bounds
 from cruise.racing.course import Course, make_course, pick
 from cruise.racing.field import rows
-from cruise.racing.gates import cross_gates
+from cruise.racing.gates import follow_gates
 from cruise.racing.grid import Start, start_grid
-from cruise.vector import once
+from cruise.racing.passes import passes_per_step
 
 FLIP_ANGLE = jnp.pi / 2
 
@@ -65,24 +66,6 @@ def _air_w(dynamics: Dynamics, state: RaceState) -> Float[Array, "3 N *B"] | Non
     return gust if air_w is None else air_w + gust
 
 
-def _detect_collisions(
-    course: Course,
-    flipped: Array,
-    drones: DroneState,
-    hit_frame: Array,
-    nearest: Array,
-    rules: Rules,
-) -> Collisions:
-    position = drones.position_w
-    return Collisions(
-        drone=nearest < rules.collision_distance,
-        ground=on_ground(position),
-        gate_frame=hit_frame,
-        bounds=out_of_bounds(course, position),
-        flip=flipped,
-    )
-
-
 def _flipped(vehicle: Vehicle, dynamics: Dynamics, drones: DroneState) -> Bool[Array, "N *B"]:
     """Rolled or pitched past 90 degrees, where that is a crash."""
     if not vehicle.flip_ends:
@@ -119,6 +102,7 @@ def make_race_env(
     """
     weights = reward or RewardWeights()
     env_course = make_course(track)
+    passes = passes_per_step(track, vehicle.control_dt)
     dynamics = dynamics or make_dynamics(vehicle)
     perturb = perturb or perturbation(track, vehicle, Randomisation())
 
@@ -131,42 +115,54 @@ def make_race_env(
         return RaceState(drones, gate, counts, none, none, counts[0], conditions.surroundings)
 
     def reset(key: Array, batch: tuple[int, ...] = (), gate: int | None = None) -> RaceState:
-        conditions = perturb(jax.random.fold_in(key, 1), (num_drones, *batch)) if perturb else AS_SAID
+        start_key, conditions_key = jax.random.split(key)
+        conditions = perturb(conditions_key, (num_drones, *batch)) if perturb else AS_SAID
         here = _with_gates(env_course, conditions.surroundings)
-        return begin(start_grid(here, key, num_drones, batch, gate), conditions)
+        return begin(start_grid(here, start_key, num_drones, batch, gate), conditions)
 
     def step(state: RaceState, action: Float[Array, "A N *B"], rules: Rules) -> tuple[RaceState, StepOutcome]:
         airborne, course = state.airborne, _with_gates(env_course, state.surroundings)
         moved = dynamics.step(state.drones, action, rules.agility, _air_w(dynamics, state))
         drones = _freeze(~airborne, state.drones, moved)
         start_w, end_w = state.drones.position_w, drones.position_w
-        crossing = cross_gates(course, start_w, end_w, state.next_gate, rules.gate_tolerance)
-        crossing = crossing._replace(passed=once(crossing.passed & airborne))
-        nearest = nearest_opponent(start_w, end_w, airborne, vehicle.collision_aspect)
-        flipped = _flipped(vehicle, dynamics, drones)
-        collisions = _detect_collisions(course, flipped, drones, crossing.hit_frame, nearest, rules)
-        collisions = Collisions(*(hit & airborne for hit in collisions))
+        crossings = follow_gates(course, start_w, end_w, state.next_gate, rules.gate_tolerance, passes)
+        near, aspect = rules.collision_distance, vehicle.collision_aspect
+        until = [crossing.fraction for crossing in crossings]
+        nearest, touched = meet_opponents(start_w, end_w, airborne, near, until, aspect)
+        met = meet_solids(course, start_w, end_w)
+        hits = {kind: fraction <= 1 for kind, fraction in met.items()}
+        hits |= {
+            "drone": nearest < near,
+            "ground": on_ground(end_w),
+            "gate_frame": crossings[0].hit_frame,
+            "bounds": out_of_bounds(course, end_w),
+            "flip": _flipped(vehicle, dynamics, drones),
+        }
+        nothing = jnp.zeros(airborne.shape, bool)
+        collisions = Collisions(*(hits[kind] & airborne if kind in hits else nothing for kind in Collisions._fields))
+        flown = Flown(start_w, end_w, airborne, state.gates_passed)
+        happened = in_order(course, flown, crossings, touched, met, collisions, rules)
 
-        solid = once(collisions.drone | collisions.ground | collisions.gate_frame)
-        lost = collisions.bounds | collisions.flip
-        terminated = once(lost | (solid & rules.terminal_collisions))
         gate = (pick(table, state.next_gate) for table in (course.position_w, course.normal_w, course.half_size))
         motion = Motion(state.drones, drones, Target(*gate), weights)
-        components = reward_components(weights, rules, motion, nearest, solid, airborne)
+        components = reward_components(weights, rules, motion, nearest, happened.solid, airborne)
+        crossing, *further = happened.crossings
+        reward = total_reward(weights, rules, components, crossing, happened.terminated)
         outcome = StepOutcome(
-            reward=jnp.where(airborne, total_reward(weights, rules, components, crossing, terminated), 0.0),
+            reward=jnp.where(airborne, reward, 0.0),
             components=components,
-            terminated=terminated,
+            terminated=happened.terminated,
             crossing=crossing,
             collisions=collisions,
+            further=tuple(further),
         )
-        passed = state.gates_passed + crossing.passed
+        passed = outcome.gates_passed
         next_state = RaceState(
             drones=drones,
-            next_gate=(state.next_gate + crossing.passed) % course.num_gates,
-            gates_passed=passed,
-            out=state.out | terminated,
-            finished=state.finished | ((rules.gates_to_finish > 0) & (passed >= rules.gates_to_finish) & ~terminated),
+            next_gate=(state.next_gate + passed) % course.num_gates,
+            gates_passed=state.gates_passed + passed,
+            out=state.out | happened.terminated,
+            finished=state.finished | happened.finished,
             step=state.step + 1,
             surroundings=state.surroundings,
         )

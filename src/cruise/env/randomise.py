@@ -9,24 +9,13 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from cruise.config import Randomisation, Track, Vehicle
-from cruise.dynamics.parameters import Parameters, physics_of
+from cruise.config import OF_BODY_AND_AIR, Randomisation, Track, Vehicle
+from cruise.dynamics.parameters import Parameters, physics_of, remembering
 from cruise.env.surroundings import GUST_PERIODS, Conditions, Gusts, MovedGates, SensorErrors, Surroundings
 from cruise.errors import CruiseError
 
 NOISE = 0.5  # of a sensor's error, that is new at every step
 SENSED = ("position_error", "velocity_error", "attitude_error", "rate_error")  # in the order of `SensorErrors`
-OF_THE_AIRFRAME = (
-    "mass_spread",
-    "inertia_spread",
-    "thrust_spread",
-    "drag_spread",
-    "lag_spread",
-    "clip_share",
-    "extra_delay",
-    "wind_speed",
-    "gust_speed",
-)
 Shape = tuple[int, ...]
 # Fields of `Randomisation` by name, numbers or arrays over races [*B]; what is not there costs nothing.
 Strengths = Mapping[str, Any]
@@ -39,11 +28,7 @@ def made_for(vehicle: Vehicle, randomisation: Randomisation) -> Vehicle:
         CruiseError: a number is negative or not finite, a spread is 1 or more, or there is no airframe to differ.
     """
     check_randomisation(vehicle, randomisation)
-    airframe = vehicle.airframe
-    if airframe is None or randomisation.extra_delay == 0:
-        return vehicle
-    longest = max(airframe.longest_delay, airframe.delay + randomisation.extra_delay)
-    return dataclasses.replace(vehicle, airframe=dataclasses.replace(airframe, longest_delay=longest))
+    return remembering(vehicle, randomisation.extra_delay) if randomisation.extra_delay else vehicle
 
 
 def check_randomisation(vehicle: Vehicle, randomisation: Randomisation) -> None:
@@ -53,7 +38,7 @@ def check_randomisation(vehicle: Vehicle, randomisation: Randomisation) -> None:
             raise CruiseError(f"{name} must be 0 or more, not {value}")
         if name.endswith("_spread") and value >= 1:
             raise CruiseError(f"{name} must be below 1, not {value}: nothing would be left of what it spreads")
-        if value and name in OF_THE_AIRFRAME and vehicle.airframe is None:
+        if value and name not in vehicle.randomisable:
             raise CruiseError(f"{name} needs a vehicle with an airframe, and {vehicle.name!r} has none: leave it 0")
 
 
@@ -80,9 +65,9 @@ def perturbation(
 
 def _part(milder_share: float, nominal_share: float, key: Array, races: Shape) -> Array:
     """How much of the randomisation each race meets: all of it, any part as often, or none."""
-    chosen, how_much = jax.random.split(key)
+    chosen, how_much, spared = jax.random.split(key, 3)
     milder = jax.random.uniform(chosen, races) < milder_share
-    nominal = jax.random.uniform(jax.random.fold_in(key, 2), races) < nominal_share
+    nominal = jax.random.uniform(spared, races) < nominal_share
     return jnp.where(nominal, 0.0, jnp.where(milder, jax.random.uniform(how_much, races), 1.0))
 
 
@@ -103,9 +88,9 @@ def draw_conditions(
 
 
 def _parameters(vehicle: Vehicle, strengths: Strengths, offsets: Strengths, key: Array, shape: Shape) -> Parameters:
-    if vehicle.airframe is None:
+    if OF_BODY_AND_AIR.isdisjoint(vehicle.randomisable):
         return Parameters()
-    keys = iter(jax.random.split(key, 11))
+    keys = iter(jax.random.split(key, 12))
     built = physics_of(vehicle)
 
     def spread(value: Any, name: str) -> Any:
@@ -129,6 +114,7 @@ def _parameters(vehicle: Vehicle, strengths: Strengths, offsets: Strengths, key:
         delay=None if delay is None else built.delay + delay * jax.random.uniform(next(keys), shape),
         wind_w=None if wind is None else _wind(wind, next(keys), shape),
         clip_share=None if clip is None else jnp.minimum(1.0, clip * jax.random.uniform(next(keys), shape)),
+        quadratic_drag=spread(built.quadratic_drag, "drag_spread") if built.quadratic_drag else None,
     )
 
 
@@ -146,8 +132,8 @@ def _gates(track: Track, strengths: Strengths, key: Array, races: Shape) -> Move
     moved = "gate_shift" in strengths or "gate_turn" in strengths
     if not (moved or track.variants):
         return None
-    shift_key, turn_key = jax.random.split(key)
-    position, yaw = _standing(track, jax.random.fold_in(key, 1), races)
+    shift_key, turn_key, variant_key = jax.random.split(key, 3)
+    position, yaw = _standing(track, variant_key, races)
     if moved:
         gates = len(track.gates)
         shift = strengths.get("gate_shift", 0.0) * jax.random.uniform(shift_key, (3, gates, *races), minval=-1.0)

@@ -17,7 +17,8 @@ if TYPE_CHECKING:
     from cruise.env.types import RaceState
 
 # Gusts are waves of these periods, spread evenly over the logarithm of what moves a small drone and what it can feel.
-GUST_PERIODS = (4.0, 2.0, 1.0, 0.5)  # [s]
+# No multiples of all of them meet within a race: of all such tables, this one repeats itself least in a minute.
+GUST_PERIODS = (4.7, 2.43, 1.26, 0.65)  # [s]
 GUST_LENGTH = 1.0  # correlation time of the turbulence [s]
 MEASURED = 12  # position, velocity, attitude, body rates: three numbers each
 

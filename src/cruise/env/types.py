@@ -1,12 +1,16 @@
 """State and outcome of a race, or of many: components lead, then drones, then races."""
 
-from typing import NamedTuple
+import functools
+import operator
+from collections import namedtuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from jaxtyping import Array, Bool, Float, Int
 
 from cruise.config import Stage
 from cruise.dynamics.types import DroneState
 from cruise.env.surroundings import Surroundings
+from cruise.racing.events import COLLISION_KINDS
 from cruise.racing.gates import Crossing
 
 
@@ -44,14 +48,12 @@ class RaceState(NamedTuple):
         return ~(self.out | self.finished)
 
 
-class Collisions(NamedTuple):
-    """Kinds of collision that happened to a drone in a step."""
-
-    drone: Bool[Array, "N *B"]
-    ground: Bool[Array, "N *B"]
-    gate_frame: Bool[Array, "N *B"]
-    bounds: Bool[Array, "N *B"]  # left the track; counts as a crash in every stage
-    flip: Bool[Array, "N *B"]  # rolled or pitched past 90 degrees; counts as a crash in every stage
+# What a drone hit in a step, one flag [N *B] for each kind of collision that `cruise.racing.events` declares, without
+# its prefix: `collisions.ground` is an event `collision_ground`.
+if TYPE_CHECKING:
+    Collisions: TypeAlias = Any
+else:
+    Collisions = namedtuple("Collisions", [kind.hit for kind in COLLISION_KINDS])
 
 
 class StepOutcome(NamedTuple):
@@ -60,8 +62,19 @@ class StepOutcome(NamedTuple):
     reward: Float[Array, "N *B"]
     components: dict[str, Float[Array, "N *B"]]  # weighted terms of the reward, before the clip
     terminated: Bool[Array, "N *B"]  # this drone's race ended in this step by a crash
-    crossing: Crossing
+    crossing: Crossing  # of the target gate
     collisions: Collisions
+    further: tuple[Crossing, ...] = ()  # of the gates after the target, where two stand within a step of each other
+
+    @property
+    def gates_passed(self) -> Int[Array, "N *B"]:
+        """How many gates were passed in the step."""
+        return gates_passed(self.crossing, self.further)
+
+
+def gates_passed(crossing: Crossing, further: tuple[Crossing, ...]) -> Int[Array, "N *B"]:
+    """How many gates a step passed."""
+    return functools.reduce(operator.add, [one.passed for one in further], crossing.passed.astype(int))
 
 
 def stage_rules(stage: Stage, collision_distance: float) -> Rules:

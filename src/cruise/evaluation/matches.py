@@ -19,13 +19,13 @@ from cruise.evaluation.summary import Evaluation, summarise
 from cruise.interop.simulators import make_simulated
 from cruise.pilots.base import Pilot, Versatile
 from cruise.pilots.foreign import DEFAULT_BUDGET
-from cruise.presets import MAX_RANDOMISE, RANDOMISATION
+from cruise.presets import MAX_RANDOMISE, full_randomisation
 from cruise.racing.track_geometry import lap_length
 from cruise.rollout import fly, team_rules
-from cruise.storage.policy_file import read_meta, shipped_name
+from cruise.storage.policy_file import USUAL_VEHICLE, read_meta, shipped_name
 from cruise.storage.race_log import RaceLog
 from cruise.storage.recorder import RaceInfo, race_logs
-from cruise.vehicles import find_vehicle
+from cruise.vehicles import VehicleChoice, find_vehicle, fly_alike, load_vehicle, name_of, reference_to
 
 StrPath = str | os.PathLike[str]
 
@@ -35,7 +35,6 @@ MAX_DRONES = 64
 MAX_LAPS = 100
 NOTHING_RANDOM = Randomisation()
 DRONES_IN_BATCH = 1024  # flown at once at ten steps a second; bounds memory, not the number of races
-USUAL_VEHICLE = "paper"
 STREAM = 0x5EED  # keeps the starts of races apart from every start seen in training, whatever the seeds
 
 
@@ -48,16 +47,18 @@ class Match:
     laps: int
     randomisation: Randomisation = NOTHING_RANDOM
     simulator: str = OUR_SIMULATOR
+    asked_for: Vehicle | None = None  # what all of them fly; None: what the pilots were made for
 
     @property
     def vehicle(self) -> Vehicle:
-        """The one that all pilots were made for."""
-        return find_vehicle(self.team[0].vehicle)
+        """What all of them fly."""
+        return self.asked_for or find_vehicle(self.team[0].vehicle)
 
     @property
     def time_limit(self) -> float:
         """When a race ends at the latest [s]."""
-        return max(TIME_LIMIT, self.laps * lap_length(self.track.gates) / SLOWEST)
+        longest = max(lap_length(gates) for gates in (self.track.gates, *self.track.variants))
+        return max(TIME_LIMIT, self.laps * longest / SLOWEST)
 
     @property
     def env(self) -> RaceEnv:
@@ -71,7 +72,7 @@ def make_match(
     pilots: PilotChoice | Sequence[PilotChoice] | None = None,
     laps: int | None = None,
     budget: float = DEFAULT_BUDGET,
-    vehicle: str | None = None,
+    vehicle: VehicleChoice | None = None,
     randomise: float = 0.0,
 ) -> Match:
     """Put a match together.
@@ -83,7 +84,8 @@ def make_match(
             policy shipped for this track, number of drones and vehicle.
         laps: by default the track's.
         budget: time for each action of a pilot in plain Python [s].
-        vehicle: what all of them fly; by default what the pilots were made for.
+        vehicle: what all of them fly: itself, a preset's name or the path of a TOML file. By default what the pilots
+            were made for; pilots of one vehicle fly another whose actions mean the same (`fly_alike`), if asked to.
         randomise: how much of the vehicle's full randomisation (`presets.RANDOMISATION`) races differ by; 0: none.
 
     Raises:
@@ -93,33 +95,38 @@ def make_match(
     laps = track.laps if laps is None else laps
     _in_range("drones", drones, 1, MAX_DRONES)
     _in_range("laps", laps, 1, MAX_LAPS)
+    asked = None if vehicle is None else load_vehicle(vehicle)
     if pilots is None:
-        pilots = shipped_name(track.name, drones, vehicle or USUAL_VEHICLE)
+        pilots = shipped_name(track.name, drones, USUAL_VEHICLE if asked is None else reference_to(asked))
     choices: list[Any] = list(pilots) if isinstance(pilots, list | tuple) else [pilots]
     if not 1 <= len(choices) <= drones:
         raise CruiseError(f"{len(choices)} pilots for {drones} drones: give one for all, or at most one per drone")
     found = {identity(choice): find_pilot(choice, budget) for choice in choices}
     names = {identity(choice) for choice in choices if isinstance(choice, str | os.PathLike)}
-    found = _in_one_vehicle(found, names, vehicle)
+    found = _in_one_vehicle(found, names, asked)
     team = tuple(found[identity(choices[drone % len(choices)])] for drone in range(drones))
-    match = Match(track, team, laps)
+    match = Match(track, team, laps, asked_for=asked)
     if randomise == 0:
         return match
     if not 0 < randomise <= MAX_RANDOMISE:
         raise CruiseError(f"randomise must be from 0 to {MAX_RANDOMISE}, got {randomise}")
-    return replace(match, randomisation=RANDOMISATION[match.vehicle.name].scaled(randomise))
+    return replace(match, randomisation=full_randomisation(match.vehicle).scaled(randomise))
 
 
-def _in_one_vehicle(pilots: dict[Any, Pilot], names: set[Any], vehicle: str | None) -> dict[Any, Pilot]:
+def _in_one_vehicle(pilots: dict[Any, Pilot], names: set[Any], asked: Vehicle | None) -> dict[Any, Pilot]:
     """The pilots, those that a name was enough for put into the vehicle that is asked for or that the others fly."""
     free = {key for key, pilot in pilots.items() if key in names and isinstance(pilot, Versatile)}
     bound = {pilot.vehicle: pilot.name for key, pilot in pilots.items() if key not in free}
-    if vehicle is None and len(bound) > 1:
-        raise CruiseError(f"pilots of different vehicles cannot race each other: {', '.join(sorted(bound))}")
-    chosen = find_vehicle(vehicle or next(iter(bound), USUAL_VEHICLE))
+    if asked is None and len(bound) > 1:
+        they = ", ".join(sorted(name_of(other) for other in bound))
+        raise CruiseError(f"pilots of different vehicles cannot race each other: {they}; say what all fly: vehicle")
+    chosen = asked or find_vehicle(next(iter(bound), USUAL_VEHICLE))
     for other, name in bound.items():
-        if other != chosen.name:
-            raise CruiseError(f"pilot {name!r} was made for vehicle {other!r}, this race flies {chosen.name!r}")
+        if not fly_alike(find_vehicle(other), chosen):
+            raise CruiseError(
+                f"pilot {name!r} was made for vehicle {name_of(other)!r}, this race flies {chosen.name!r}, whose "
+                "actions mean something else"
+            )
     aboard = {key: pilots[key].for_vehicle(chosen) for key in free}  # type: ignore[attr-defined]
     return pilots | aboard
 
@@ -185,7 +192,7 @@ def evaluate(
     pilots: PilotChoice | Sequence[PilotChoice] | None = None,
     episodes: int = 100,
     seed: int = 0,
-    vehicle: str | None = None,
+    vehicle: VehicleChoice | None = None,
     randomise: float = 0.0,
 ) -> Evaluation:
     """Measure pilots over races of the track's laps from standing, with true openings and final collisions.

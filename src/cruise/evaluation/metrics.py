@@ -1,19 +1,15 @@
 """What a race log says of its drones. Plain NumPy; every definition is in `docs/race-log.md`."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
+from cruise.racing.events import COLLISION_KINDS
 from cruise.storage.race_log import COLLISIONS, EVENT_KINDS, NOBODY, EventKind, RaceLog
 
 NAN = float("nan")
-FATES = {
-    "collision_drone": "hit a drone",
-    "collision_ground": "hit the ground",
-    "collision_gate_frame": "hit a gate",
-    "collision_bounds": "left the track",
-    "collision_flip": "flipped over",
-}
+FATES = {kind.stored: kind.fate for kind in COLLISION_KINDS}
 
 
 @dataclass(frozen=True)
@@ -56,6 +52,7 @@ class RaceResult:
     collisions: dict[str, int]  # by kind; two drones that hit each other are one collision
     overtakes: int
     ranking: tuple[int, ...]  # drones, best first
+    lap_length: float  # of the closed polygon through the gates as they stood [m]
 
     @property
     def winner(self) -> int:
@@ -64,10 +61,20 @@ class RaceResult:
         return best if self.drones[best].finished else NOBODY
 
 
+class Overtake(NamedTuple):
+    """A drone that was behind another at a crossing and before it at the next."""
+
+    time: float  # of the overtaker's crossing [s]
+    drone: int
+    other: int  # that was overtaken
+    gate: int
+    crossing: int  # its number in the race, from 0
+
+
 def race_result(log: RaceLog) -> RaceResult:
     """All results of a race."""
     drones = tuple(_drone_result(log, drone) for drone in range(log.num_drones))
-    return RaceResult(drones, count_collisions(log), count_overtakes(crossing_times(log)), _ranking(drones))
+    return RaceResult(drones, count_collisions(log), len(overtakes(log)), _ranking(drones), lap_length(log))
 
 
 def events_of(log: RaceLog, kind: EventKind, drone: int) -> np.ndarray:
@@ -116,10 +123,22 @@ def crossing_times(log: RaceLog) -> np.ndarray:
     return times
 
 
-def count_overtakes(times: np.ndarray) -> int:
-    """Pairs of drones in one order at a crossing and in the other at the next, summed over the race."""
-    order = np.sign(times[:, None] - times[None])
-    return int((order[..., 1:] * order[..., :-1] < 0).sum()) // 2
+def overtakes(log: RaceLog) -> list[Overtake]:
+    """Every overtaking of a race, in order of time."""
+    times = crossing_times(log)
+    behind = times[:, None] - times[None]  # > 0 where the first drone is behind the second
+    drone, other, before = np.nonzero((behind[..., :-1] > 0) & (behind[..., 1:] < 0))
+    gate = (log.next_gate[0, 0] + before + 1) % log.num_gates
+    columns = (times[drone, before + 1], drone, other, gate, before + 1)
+    return sorted(Overtake(*row) for row in zip(*(column.tolist() for column in columns), strict=True))
+
+
+def crash_times(log: RaceLog) -> np.ndarray:
+    """[N] when a collision ended each drone's race, infinite where none did [s]."""
+    times = np.full(log.num_drones, np.inf)
+    crashed = np.isin(log.event_kind, [EVENT_KINDS.index(name) for name in COLLISIONS])
+    np.minimum.at(times, log.event_drone[crashed], log.event_time[crashed])
+    return times
 
 
 def _ranking(drones: tuple[DroneResult, ...]) -> tuple[int, ...]:

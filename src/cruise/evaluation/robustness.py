@@ -19,7 +19,7 @@ from cruise.evaluation.matches import STREAM, Match, fly_batch
 from cruise.evaluation.metrics import RaceResult, race_result
 from cruise.evaluation.statistics import Estimate
 from cruise.evaluation.summary import summarise
-from cruise.presets import RANDOMISATION
+from cruise.presets import full_randomisation
 
 STRENGTHS = (0.5, 1.0, 1.5, 2.0)  # of the full randomisation
 RACES_AT_ONCE = 512  # bounds memory
@@ -88,7 +88,7 @@ def measure_robustness(match: Match, episodes: int, seed: int) -> Iterator[Point
     """
     if not 1 <= episodes <= MAX_EPISODES:
         raise CruiseError(f"races must be from 1 to {MAX_EPISODES}, got {episodes}")
-    full = RANDOMISATION[match.vehicle.name]
+    full = full_randomisation(match.vehicle)
     table = cells(full)
     env = _env(match, full, table)
     key = jax.random.fold_in(jax.random.key(seed), STREAM)

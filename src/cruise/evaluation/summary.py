@@ -10,7 +10,6 @@ import numpy as np
 from cruise.config import Track
 from cruise.evaluation.metrics import DroneResult, RaceResult
 from cruise.evaluation.statistics import Estimate, count_estimate, mean_estimate, rate_estimate
-from cruise.racing.track_geometry import lap_length
 from cruise.storage.race_log import COLLISIONS, NOBODY
 
 
@@ -41,7 +40,7 @@ class Evaluation:
     flying_lap_time: Estimate  # [s]
     winner_lap_time: Estimate  # flying lap of the winner [s]
     first_lap_time: Estimate  # [s]
-    nominal_lap_time: Estimate  # polygon length / mean speed [s]
+    nominal_lap_time: Estimate  # length of each race's own polygon / mean speed [s]
     mean_speed: Estimate  # [m/s]
     top_speed: Estimate  # [m/s]
     collisions_per_race: Estimate
@@ -86,7 +85,7 @@ def summarise(track: Track, team: Sequence[str], results: Sequence[RaceResult], 
         flying_lap_time=mean_estimate(_per_race(results, everyone, lambda drone: drone.flying_lap_time)),
         winner_lap_time=mean_estimate([_winner_lap(race) for race in results]),
         first_lap_time=mean_estimate(_per_race(results, everyone, lambda drone: drone.first_lap_time)),
-        nominal_lap_time=mean_estimate([lap_length(track.gates) / v for v in speed]),
+        nominal_lap_time=mean_estimate([race.lap_length / v for race, v in zip(results, speed, strict=True)]),
         mean_speed=mean_estimate(speed),
         top_speed=mean_estimate(_per_race(results, everyone, lambda drone: drone.top_speed)),
         collisions_per_race=count_estimate([sum(race.collisions.values()) for race in results]),

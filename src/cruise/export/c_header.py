@@ -16,9 +16,9 @@ from cruise.env import observation_body as body
 from cruise.export.ports import airframe_of
 from cruise.export.recording import Recording
 from cruise.pilots.network import Perceptron
-from cruise.presets import VEHICLES
 from cruise.storage.onnx_file import first_action
 from cruise.storage.policy_file import Policy
+from cruise.vehicles import find_vehicle
 
 OWN = ("position_w", "velocity_w", "euler", "attitude", "angular_velocity_b")  # of a state, where a vehicle has it
 SAMPLES = 8  # of recorded flight, for the self test
@@ -83,7 +83,7 @@ def _common(policy: Policy, track: Track, recording: Recording) -> dict[str, Any
         "gates": len(track.gates),
         "observation": network.layers[0].in_features,
         "action": network.layers[-1].out_features,
-        "control_dt": literal(VEHICLES[meta.vehicle].control_dt),
+        "control_dt": literal(find_vehicle(meta.vehicle).control_dt),
         "agility": literal(meta.agility),
         "weights": _weights(network, prefix),
         "network": _network(network, prefix),
@@ -95,7 +95,7 @@ def _common(policy: Policy, track: Track, recording: Recording) -> dict[str, Any
 def _by_acceleration(policy: Policy, track: Track) -> dict[str, Any]:
     """What is the paper's vehicle's own."""
     meta = policy.meta
-    gains = vars(VEHICLES[meta.vehicle].controller)
+    gains = vars(find_vehicle(meta.vehicle).controller)
     scales = {name: getattr(env, name) for name in SCALES}
     scales |= {name: getattr(cascade, name) for name in ("RATE_SCALE", "AGILITY_SCALE")}
     return {name: literal(value) for name, value in (gains | scales).items()} | {
@@ -112,7 +112,7 @@ def _by_acceleration(policy: Policy, track: Track) -> dict[str, Any]:
 def _by_thrust_and_rates(policy: Policy, track: Track) -> dict[str, Any]:
     """What belongs to a vehicle that is flown by thrust and body rates."""
     meta = policy.meta
-    vehicle, airframe = VEHICLES[meta.vehicle], airframe_of(meta)
+    vehicle, airframe = find_vehicle(meta.vehicle), airframe_of(meta)
     assert airframe is not None
     scales = {name: getattr(body, name) for name in BODY_SCALES}
     return {name: literal(value) if isinstance(value, float) else value for name, value in scales.items()} | {

@@ -10,9 +10,9 @@ from cruise.env.observation_layout import observation_layout
 from cruise.env.race_env import RaceEnv, make_race_env
 from cruise.errors import CruiseError
 from cruise.export.ports import airframe_of, command_ports, network_action, observation_port, state_ports
-from cruise.presets import VEHICLES
 from cruise.storage.onnx_file import FORMAT_VERSION, Contract, ExportedGate, Interface, ObservationEntry
 from cruise.storage.policy_file import Policy
+from cruise.vehicles import find_vehicle, name_of
 
 OBSERVATIONS = {  # that are rebuilt, by what an action means
     "acceleration": ("extended", "paper"),
@@ -34,7 +34,7 @@ def export_env(policy: Policy, track: Track) -> RaceEnv:
             f"{track.name!r} is another track in every race: choose the one that the export of {meta.name!r} is "
             "compared on (--track)"
         )
-    env = make_race_env(track, meta.drones, VEHICLES[meta.vehicle], meta.observation)
+    env = make_race_env(track, meta.drones, find_vehicle(meta.vehicle), meta.observation)
     policy.pilot().init(env, tuple(range(meta.drones)), standing(env))
     return env
 
@@ -48,7 +48,7 @@ def make_contract(policy: Policy, track: Track, env: RaceEnv, interface: Interfa
     """The contract of a policy."""
     meta = policy.meta
     size = int(policy.params.actor.layers[0].in_features)
-    layout = observation_layout(meta.observation, meta.drones, len(track.gates), meta.vehicle, size)
+    layout = observation_layout(meta.observation, meta.drones, len(track.gates), name_of(meta.vehicle), size)
     entries, first = [], 0
     for entry in layout:
         entries.append(ObservationEntry(first=first, **entry._asdict()))

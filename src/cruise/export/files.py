@@ -48,6 +48,8 @@ class Exporter:
     @classmethod
     def of(cls, policy: Policy, track: Track) -> "Exporter":
         """Record the races. Raises CruiseError where the policy cannot be exported, or does not fit the track."""
+        if policy.params.has_memory:
+            raise CruiseError(f"policy {policy.meta.name!r} has a memory, which exported models do not have yet")
         return cls(policy, track, record(export_env(policy, track), policy.pilot()))
 
     def onnx(self, path: StrPath, interface: Interface = "state", measure: bool = False) -> Exported:

@@ -13,10 +13,10 @@ from cruise.export.onnx_state import StateInputs, inputs_of
 from cruise.export.onnx_values import IR_VERSION, OPSET, Graph, Value
 from cruise.export.ports import airframe_of
 from cruise.pilots.network import Perceptron
-from cruise.presets import VEHICLES
 from cruise.storage.config_file import to_json
 from cruise.storage.onnx_file import METADATA, Contract, Port
 from cruise.storage.policy_file import Policy
+from cruise.vehicles import find_vehicle
 
 
 def onnx_model(policy: Policy, contract: Contract) -> bytes:
@@ -75,7 +75,7 @@ def _whole(g: Graph, ports: dict[str, Value], policy: Policy, num_gates: int) ->
         spoken = _network(g, build.extended(g, state, meta.agility), policy.params.actor)
         spoken = g.squeeze(g.expand(spoken, 1) @ _transposed(g, build.gate_rotation(g, state)), 1)
     action = g.name(g.clip(spoken, -1.0, 1.0), "action")
-    vehicle = VEHICLES[meta.vehicle]
+    vehicle = find_vehicle(meta.vehicle)
     wanted = _commanded(g, action, state, vehicle.controller, meta.agility * vehicle.control_dt)
     g.name(wanted, "acceleration_w")
 

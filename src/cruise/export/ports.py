@@ -2,14 +2,14 @@
 
 from cruise.config import Airframe
 from cruise.env.observation_body import NOTICE
-from cruise.presets import VEHICLES
 from cruise.storage.onnx_file import Port
 from cruise.storage.policy_file import PolicyMeta
+from cruise.vehicles import find_vehicle
 
 
 def airframe_of(meta: PolicyMeta) -> Airframe | None:
     """Of a vehicle that is flown by thrust and body rates; None for the paper's, which is flown by accelerations."""
-    return VEHICLES[meta.vehicle].airframe
+    return find_vehicle(meta.vehicle).airframe
 
 
 def state_ports(meta: PolicyMeta) -> tuple[Port, ...]:

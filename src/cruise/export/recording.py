@@ -14,10 +14,10 @@ from cruise.dynamics.quadrotor import Memory, setpoint
 from cruise.env.race_env import RaceEnv
 from cruise.env.types import RaceState
 from cruise.pilots.neural import NeuralPilot
-from cruise.presets import VEHICLES
 from cruise.racing.course import Course
 from cruise.racing.field import all_opponents
 from cruise.rollout import team_rules
+from cruise.vehicles import find_vehicle
 
 RACES, STEPS = 16, 250
 
@@ -37,7 +37,7 @@ def record(env: RaceEnv, pilot: NeuralPilot, seed: int = 0) -> Recording:
     rows = np.asarray(airborne).reshape(-1)
     flat = {name: np.asarray(value).reshape(-1, *value.shape[3:])[rows] for name, value in (seen | wanted).items()}
     inputs = {name: flat[name] for name in seen if name in flat}
-    inputs |= {name: np.asarray(value) for name, value in _gates(env.course, pilot.vehicle).items()}
+    inputs |= {name: np.asarray(value) for name, value in _gates(env.course, find_vehicle(pilot.vehicle)).items()}
     return Recording(
         inputs,
         {name: flat[name] for name in wanted if name not in ("observation", "network")},
@@ -46,16 +46,16 @@ def record(env: RaceEnv, pilot: NeuralPilot, seed: int = 0) -> Recording:
     )
 
 
-def _gates(course: Course, vehicle: str) -> dict[str, Array]:
+def _gates(course: Course, vehicle: Vehicle) -> dict[str, Array]:
     yaw = jnp.arctan2(course.normal_w[1], course.normal_w[0])
     placed = {"gate_position_w": course.position_w.T, "gate_yaw": yaw}
-    return placed | ({} if VEHICLES[vehicle].airframe is None else {"gate_size": 2 * course.half_size.T})
+    return placed | ({} if vehicle.flown_by == "cascade" else {"gate_size": 2 * course.half_size.T})
 
 
 def _fly(env: RaceEnv, pilot: NeuralPilot, key: Array) -> tuple[dict[str, Array], dict[str, Array], Array]:
     """[T, E, N, ...] of everything, and who was in the air."""
     everyone = tuple(range(env.num_drones))
-    vehicle = VEHICLES[pilot.vehicle]
+    vehicle = find_vehicle(pilot.vehicle)
     rules = team_rules([pilot] * env.num_drones, vehicle.collision_distance, 0, (RACES,))
 
     def step(carry: tuple[RaceState, Array], nothing: None) -> tuple[tuple[RaceState, Array], tuple]:

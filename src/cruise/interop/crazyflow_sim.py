@@ -16,7 +16,7 @@ from cruise.config import Vehicle
 from cruise.dynamics import FreeBody
 from cruise.dynamics.rotors import PITCH, ROLL, YAW, levers
 from cruise.interop.external import Advance
-from cruise.interop.flight_controller import rotor_commands, rotors_of
+from cruise.interop.flight_controller import airframe_of, rotor_commands, rotors_of
 
 with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):  # it misses GPU libraries
     from crazyflow.control import Control
@@ -85,8 +85,7 @@ def _placed(data: Any, body: FreeBody, speeds: Array) -> Any:
 def _simulator(vehicle: Vehicle, worlds: int, factor: float) -> Sim:
     """Crazyflow with the vehicle's numbers in the place of a Crazyflie's."""
     sim = Sim(n_worlds=worlds, dynamics=Model.first_principles, control=Control.rotor_vel, freq=RATE)
-    params, rotors, airframe = sim.data.params, rotors_of(vehicle), vehicle.airframe
-    assert airframe is not None
+    params, rotors, airframe = sim.data.params, rotors_of(vehicle), airframe_of(vehicle)
     inertia = jnp.diag(jnp.array(vehicle.inertia))
     drag = -jnp.diag(jnp.array([airframe.drag.horizontal, airframe.drag.horizontal, airframe.drag.vertical]))
     sideways, forward, _ = levers(rotors)

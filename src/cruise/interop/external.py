@@ -11,7 +11,8 @@ from jaxtyping import Array, Float
 
 from cruise.config import Vehicle
 from cruise.dynamics import Dynamics, FreeBody
-from cruise.dynamics.quadrotor import Memory, make_quadrotor, setpoint
+from cruise.dynamics.quadrotor import Memory, make_quadrotor, rates_asked
+from cruise.dynamics.references import with_control
 from cruise.dynamics.rigid_body import Wrench
 from cruise.dynamics.rotors import rotor_thrusts, wrench_of
 from cruise.dynamics.types import DroneState
@@ -35,13 +36,14 @@ def make_external(vehicle: Vehicle, advance: Advance) -> Dynamics:
     """The vehicle as `advance` moves it; start, observation and what an action means are ours.
 
     The ground is the simulator's, if it has one: touching it is a matter of the rules. A vehicle's delay, battery and
-    downwash are not carried over, nor is what `perturb` makes of its body.
+    downwash are not carried over, nor is what `perturb` makes of its body. An attitude loop looks once a control step.
 
     Raises:
-        CruiseError: the vehicle is not flown by thrust and body rates.
+        CruiseError: the vehicle has no rotors.
     """
     rotors_of(vehicle)
-    return make_quadrotor(vehicle)._replace(step=partial(_step, vehicle, advance), induced_air=None)
+    own = make_quadrotor(vehicle)._replace(step=partial(_step, vehicle, advance), induced_air=None)
+    return with_control(vehicle, own)
 
 
 def called_back(host: Host) -> Advance:
@@ -69,11 +71,10 @@ def _step(
 ) -> DroneState:
     """One control step, all drones of all races side by side."""
     del air_w
-    airframe, rotors, memory = vehicle.airframe, rotors_of(vehicle), state.memory
-    assert airframe is not None
+    rotors, memory = rotors_of(vehicle), state.memory
     assert isinstance(state.body, FreeBody)
     action = jnp.clip(action, -1.0, 1.0)
-    asked = setpoint(airframe, action, agility)
+    asked = rates_asked(vehicle, action, agility, state.body.attitude)
     thrusts = rotor_thrusts(rotors, Wrench(memory.wrench[0], memory.wrench[1:]))
     flat = partial(jax.tree.map, lambda x: x.reshape(x.shape[0], -1))
     thrust = jnp.broadcast_to(asked.thrust, action.shape[1:]).reshape(-1)

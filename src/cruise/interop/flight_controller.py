@@ -2,8 +2,9 @@
 
 from typing import Any
 
-from cruise.config import Rotors, Vehicle
-from cruise.dynamics.quadrotor import Setpoint, rate_loop
+from cruise.config import Airframe, Rotors, Vehicle
+from cruise.dynamics.attitude import Setpoint
+from cruise.dynamics.quadrotor import rate_loop
 from cruise.dynamics.rotors import each_thrust
 from cruise.errors import CruiseError
 
@@ -20,18 +21,24 @@ def rotor_commands(vehicle: Vehicle, thrust: Any, wanted_b: Any, rates_b: Any) -
         wanted_b: body rates asked for [rad/s], [3, *B].
         rates_b: body rates measured [rad/s], [3, *B].
     """
-    rotors, lag = rotors_of(vehicle), vehicle.airframe.rates.time_constant  # type: ignore[union-attr]
+    rotors, lag = rotors_of(vehicle), airframe_of(vehicle).rates.time_constant
     demand = rate_loop(vehicle, lag, Setpoint(thrust, tuple(wanted_b)), rates_b)
     return [one.clip(rotors.min_thrust, rotors.max_thrust) for one in each_thrust(rotors, demand)]
 
 
 def rotors_of(vehicle: Vehicle) -> Rotors:
     """Raises CruiseError where the vehicle has none."""
-    if vehicle.airframe is None or vehicle.control != "ctbr":
+    return airframe_of(vehicle).rotors
+
+
+def airframe_of(vehicle: Vehicle) -> Airframe:
+    """Raises CruiseError where the vehicle has none: other simulators have no law of the paper's."""
+    airframe = vehicle.airframe
+    if not isinstance(airframe, Airframe):
         raise CruiseError(
             f"other simulators fly vehicles by thrust and body rates, and {vehicle.name!r} is not flown so"
         )
-    return vehicle.airframe.rotors
+    return airframe
 
 
 def hover_thrust(vehicle: Vehicle) -> float:

@@ -9,7 +9,7 @@ import numpy as np
 from cruise.config import Vehicle
 from cruise.dynamics import FreeBody
 from cruise.dynamics.rotors import YAW, places
-from cruise.interop.flight_controller import rotor_commands, rotors_of
+from cruise.interop.flight_controller import airframe_of, rotor_commands, rotors_of
 
 RATE = 500  # of the flight controller and of the physics [Hz]
 
@@ -72,7 +72,7 @@ class MujocoHost:
 
 def model_of(vehicle: Vehicle) -> str:
     """The vehicle in MuJoCo's language."""
-    rotors, drag = rotors_of(vehicle), vehicle.airframe.drag  # type: ignore[union-attr]
+    rotors, drag = rotors_of(vehicle), airframe_of(vehicle).drag
     sites, motors = [], []
     for number, ((x, y, _), spin) in enumerate(zip(places(rotors), YAW, strict=True)):
         sites.append(f'<site name="rotor{number}" pos="{x} {y} 0"/>')

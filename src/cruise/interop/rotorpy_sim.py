@@ -9,7 +9,7 @@ from rotorpy.vehicles.multirotor import Multirotor
 from cruise.config import Vehicle
 from cruise.dynamics import FreeBody
 from cruise.dynamics.rotors import YAW, places
-from cruise.interop.flight_controller import hover_thrust, rotors_of
+from cruise.interop.flight_controller import airframe_of, hover_thrust, rotors_of
 
 RATE = 250  # of the rate loop [Hz]
 FASTEST = 2500.0  # of the rotors; thrust and drag are fitted to it, so that any will do [rad/s]
@@ -55,8 +55,7 @@ class RotorpyHost:
 
 def parameters_of(vehicle: Vehicle) -> dict[str, Any]:
     """The vehicle in RotorPy's words."""
-    rotors, airframe = rotors_of(vehicle), vehicle.airframe
-    assert airframe is not None
+    rotors, airframe = rotors_of(vehicle), airframe_of(vehicle)
     thrust_factor = rotors.max_thrust / FASTEST**2
     hovering = math.sqrt(hover_thrust(vehicle) / thrust_factor)
     return {

@@ -1,21 +1,40 @@
 """Where the optimiser starts: a smooth line through the gates, and an attitude for what it accelerates."""
 
+import itertools
+
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
-from cruise.config import Track
+from cruise.config import Gate, Track
 from cruise.limit.models import ATTITUDE, POSITION, VELOCITY, Model
 from cruise.limit.transcription import Lap
+from cruise.racing.detours import site_of
+from cruise.racing.ways import normal_of, way_around
+
+KNOTS = 9  # of a way around solids, its ends included
 
 
 def spline(track: Track, speed: float, laps: int = 1) -> tuple[np.ndarray, CubicHermiteSpline]:
-    """Times from gate to gate [s], and a line along each gate's normal through its middle at `speed` [m/s]."""
+    """Times from gate to gate [s], and a line along each gate's normal through its middle at `speed` [m/s].
+
+    Where poles and walls stand on a track the line is the way around them.
+    """
     gates = [*track.gates * laps, track.gates[0]]
-    places, yaw = np.array([gate.position_w for gate in gates]), np.array([gate.yaw for gate in gates])
-    duration = np.linalg.norm(np.diff(places, axis=0), axis=1) / speed
-    times = np.concatenate([[0.0], np.cumsum(duration)])
-    slopes = speed * np.stack([np.cos(yaw), np.sin(yaw), np.zeros_like(yaw)], axis=1)
-    return duration, CubicHermiteSpline(times, places, slopes)
+    legs = [_leg(track, a, b) for a, b in itertools.pairwise(gates)]
+    length = [np.linalg.norm(np.diff(places, axis=0), axis=1) for places, _ in legs]
+    times = np.concatenate([[0.0], np.cumsum(np.concatenate(length) / speed)])
+    places, tangents = (np.concatenate([legs[0][k][:1], *(leg[k][1:] for leg in legs)]) for k in (0, 1))
+    duration = np.array([one.sum() for one in length]) / speed
+    return duration, CubicHermiteSpline(times, places, speed * tangents)
+
+
+def _leg(track: Track, a: Gate, b: Gate) -> tuple[np.ndarray, np.ndarray]:
+    """Places [K, 3] and directions of flight [K, 3] from one gate to the next, both included."""
+    if track.obstacles:
+        way = way_around(site_of(track), a, b, track.frame_width)
+        knots = np.linspace(0, len(way.point_w) - 1, KNOTS).astype(int)
+        return way.point_w[knots], way.tangent_w[knots]
+    return np.array([a.position_w, b.position_w]), np.array([normal_of(a), normal_of(b)])
 
 
 def line(track: Track, model: Model, speed: float, steps: int, laps: int = 1) -> Lap:

@@ -6,20 +6,24 @@ from dataclasses import dataclass
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
+from scipy.interpolate import CubicHermiteSpline
 
 from cruise.config import Track, Vehicle
 from cruise.errors import CruiseError
 from cruise.limit import guess
+from cruise.limit.keep_out import solids_struck
 from cruise.limit.models import POSITION, VELOCITY, make_model, point_mass
 from cruise.limit.search import fastest
 from cruise.limit.stepped import LARGEST_CHANGE, SteppedLap, SteppedProblem
 from cruise.limit.transcription import Lap, Problem, first_found
 from cruise.racing.course import make_course
 from cruise.racing.gates import PlaneCrossing, cross_plane
-from cruise.racing.track_geometry import lap_length
+from cruise.racing.track_geometry import lap_length, segment_lengths
 
 MAX_LAPS = 10  # as one programme
+SHORTEST = 1e-3  # from gate to gate [m]
 STEPS = 20  # from gate to gate, in each of which a control is held
+LOOKS = 4000  # places of a line that are compared with the solids
 FIRST_SPEEDS = (4.0, 8.0, 2.0)  # of the line that the search starts with, tried in turn [m/s]
 
 
@@ -58,6 +62,13 @@ class Limit:
         return tuple(gate for gate, crossing in enumerate(crossings) if bool(_on_frame(crossing, self.track).any()))
 
     @property
+    def solids_struck(self) -> tuple[int, ...]:
+        """Obstacles of the track that the line runs through between the places where the optimiser looked."""
+        times = np.linspace(0.0, self.lap.time, LOOKS)
+        line = CubicHermiteSpline(self.lap.clock, self.lap.state[:, POSITION], self.lap.state[:, VELOCITY])(times)
+        return solids_struck(self.track, line)
+
+    @property
     def top_speed(self) -> float:
         """[m/s]."""
         return float(np.linalg.norm(self.lap.state[:, VELOCITY], axis=1).max())
@@ -72,7 +83,7 @@ def _on_frame(crossing: PlaneCrossing, track: Track) -> Array:
 class Options:
     """How a limit is sought. Which of the last two counts is the vehicle's to say; the other must be None."""
 
-    margin: float = 0.25  # kept from the edges of every opening [m]
+    margin: float = 0.25  # kept from the edges of every opening, and from poles and walls [m]
     standing_laps: int = 0  # from hovering in the middle of gate 0; 0 for one lap in periodic flight
     steps: int | None = None  # of a vehicle flown by thrust and body rates, from gate to gate; None for STEPS
     largest_change: float | None = None  # of an action between the steps that a controller flies in; None for any
@@ -86,7 +97,7 @@ def find_limit(track: Track, vehicle: Vehicle, options: Options | None = None) -
     """
     options = options or Options()
     _check(track, vehicle, options)
-    return _stepped(track, vehicle, options) if vehicle.airframe is None else _smooth(track, vehicle, options)
+    return _stepped(track, vehicle, options) if vehicle.flown_by == "cascade" else _smooth(track, vehicle, options)
 
 
 def _smooth(track: Track, vehicle: Vehicle, options: Options) -> Limit:
@@ -110,17 +121,22 @@ def _stepped(track: Track, vehicle: Vehicle, options: Options) -> Limit:
 
 
 def _check(track: Track, vehicle: Vehicle, options: Options) -> None:
-    widest = min(min(gate.width, gate.height) for gate in track.gates) / 2
+    widest = min(gate.width if gate.shape == "round" else min(gate.width, gate.height) for gate in track.gates) / 2
+    if min(segment_lengths(track.gates)) < SHORTEST:
+        raise CruiseError(
+            f"{track.name} has a gate that follows itself in one place: the fastest lap there only flies to and fro "
+            "through its opening"
+        )
     margin, steps, change = options.margin, options.steps, options.largest_change
     if not (math.isfinite(margin) and 0 <= margin < widest):
         raise CruiseError(f"margin must be from 0 to less than {widest:g} m, half the smallest opening, not {margin}")
     if not 0 <= options.standing_laps <= MAX_LAPS:
         raise CruiseError(f"laps from standing must be from 1 to {MAX_LAPS}, not {options.standing_laps}")
-    if vehicle.airframe is None and steps is not None:
+    if vehicle.flown_by == "cascade" and steps is not None:
         raise CruiseError(f"steps are not to be chosen for {vehicle.name!r}: its own are {vehicle.control_dt:g} s long")
-    if vehicle.airframe is None and (vehicle.integrator, vehicle.substeps) != ("euler", 1):
+    if vehicle.flown_by == "cascade" and (vehicle.integrator, vehicle.substeps) != ("euler", 1):
         raise CruiseError(f"the limit of {vehicle.name!r} is known only with single steps of the explicit Euler method")
-    if vehicle.airframe is not None and change is not None:
+    if vehicle.flown_by == "rotors" and change is not None:
         raise CruiseError(f"the largest change of an action says nothing of {vehicle.name!r}, which has no steps")
     if not 5 <= (steps or STEPS) <= 200:
         raise CruiseError(f"steps must be from 5 to 200, not {steps}")

@@ -59,7 +59,7 @@ def _part(limit: Limit, time: np.ndarray, part: slice) -> np.ndarray:
 
 def _euler(limit: Limit, time: np.ndarray) -> np.ndarray:
     """Roll, pitch and yaw."""
-    if limit.vehicle.airframe is None:
+    if limit.vehicle.flown_by == "cascade":
         return _part(limit, time, cascade.EULER)
     turns = Rotation.from_quat(limit.lap.state[:, ATTITUDE][:, [1, 2, 3, 0]])
     angles = np.unwrap(turns.as_euler("ZYX")[:, ::-1], axis=0)
@@ -67,7 +67,7 @@ def _euler(limit: Limit, time: np.ndarray) -> np.ndarray:
 
 
 def _action(limit: Limit, time: np.ndarray) -> np.ndarray:
-    if limit.vehicle.airframe is not None:
-        return np.zeros((len(time), 4), np.float32)
+    if limit.vehicle.flown_by == "rotors":
+        return np.zeros((len(time), limit.vehicle.action.size), np.float32)
     step = np.searchsorted(limit.lap.clock, time, side="right") - 1
     return limit.lap.control[np.minimum(step, len(limit.lap.control) - 1)].astype(np.float32)

@@ -1,4 +1,4 @@
-"""Vehicles as differential equations in CasADi, for the optimiser: the physics of `cruise.dynamics`, written again.
+"""Vehicles as differential equations in CasADi, for the optimiser: those of `cruise.dynamics`, on symbols.
 
 Three are told apart: a point mass whose thrust points anywhere at once; a body whose rates are commanded; and a body
 with four rotors, whose limits and lag bind one by one.
@@ -10,11 +10,16 @@ from dataclasses import dataclass, field
 import casadi as ca
 import numpy as np
 
-from cruise.config import Airframe, Drag, Vehicle
-from cruise.dynamics.rotors import PITCH, ROLL, YAW, levers
+from cruise.config import Airframe, Vehicle
+from cruise.dynamics.parameters import physics_of
+from cruise.dynamics.rigid_body import Wrench, euler_equation, make_free_derivative
+from cruise.dynamics.rotors import wrench_of
+from cruise.dynamics.types import FreeBody
+from cruise.limit.symbols import flat, parts, smooth
 
-POSITION, VELOCITY, ATTITUDE = slice(0, 3), slice(3, 6), slice(6, 10)
+POSITION, VELOCITY, ATTITUDE, RATES = slice(0, 3), slice(3, 6), slice(6, 10), slice(10, 13)
 LEAST_LAG = 1e-3  # of what does not lag: a state needs an equation [s]
+SMOOTH = smooth(root=1e-6)  # of a squared speed, whose root is quadratic drag's [m^2/s^2]
 Range = tuple[np.ndarray, np.ndarray]  # lowest and highest
 
 
@@ -71,8 +76,9 @@ def _rate_driven(vehicle: Vehicle) -> Model:
     highest = np.array(airframe.rates.highest)
 
     def derivative(x: ca.SX, u: ca.SX) -> ca.SX:
-        flow = (u[0] - x[13]) / thrust_lag
-        return ca.vertcat(_motion(vehicle, x, x[13]), _turning(x, x[10:13]), (u[1:4] - x[10:13]) / rates_lag, flow)
+        # The rate loop's torque in Euler's equation leaves this lag of the rates, whatever the inertia.
+        rate = _motion(vehicle, x, Wrench(vehicle.mass * x[13], (0.0, 0.0, 0.0)))
+        return flat([*rate[:3], (u[1:4] - x[RATES]) / rates_lag, (u[0] - x[13]) / thrust_lag])
 
     low, high = _free(14)
     low[13], high[13] = 0.0, thrust
@@ -95,24 +101,16 @@ def _rotor_driven(vehicle: Vehicle) -> Model:
     """
     airframe = _airframe(vehicle)
     rotors, rates = airframe.rotors, airframe.rates
-    inertia = ca.DM(list(vehicle.inertia))
-    highest = np.array(rates.highest)
-    rows = zip((ROLL, PITCH, YAW), levers(rotors), strict=True)
-    mixer = ca.DM([[1.0] * 4, *(lever * np.array(signs) for signs, lever in rows)])
-
-    def torque_free(omega: ca.SX, torque: ca.SX) -> ca.SX:
-        return (torque - ca.cross(omega, inertia * omega)) / inertia
+    highest = ca.DM(list(rates.highest))
 
     def derivative(x: ca.SX, u: ca.SX) -> ca.SX:
-        omega, thrusts = x[10:13], x[13:17]
-        wrench = mixer @ thrusts
-        flow = (u - thrusts) / _lag(airframe.rotors.time_constant)
-        spin = torque_free(omega, wrench[1:4])
-        return ca.vertcat(_motion(vehicle, x, wrench[0] / vehicle.mass), _turning(x, omega), spin, flow)
+        rate = _motion(vehicle, x, wrench_of(rotors, ca.vertsplit(x[13:17]), SMOOTH))
+        return flat([*rate, (u - x[13:17]) / _lag(rotors.time_constant)])
 
     def commanded_rates(x: ca.SX, u: ca.SX) -> ca.SX:
-        omega = x[10:13]
-        return (omega + rates.time_constant * torque_free(omega, (mixer @ u)[1:4])) / highest
+        (omega,) = parts(x, RATES)
+        torque = wrench_of(rotors, ca.vertsplit(u), SMOOTH).body_torque_b
+        return (x[RATES] + rates.time_constant * flat([euler_equation(vehicle.inertia, omega, torque)])) / highest
 
     low, high = _free(17)
     low[13:], high[13:] = rotors.min_thrust, rotors.max_thrust
@@ -143,29 +141,8 @@ def _free(size: int) -> Range:
     return np.full(size, -np.inf), np.full(size, np.inf)
 
 
-def thrust_axis(attitude: ca.SX) -> ca.SX:
-    """The body's z axis in the world, of a unit quaternion (w, x, y, z)."""
-    w, x, y, z = ca.vertsplit(attitude)
-    return ca.vertcat(2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y))
-
-
-def _motion(vehicle: Vehicle, x: ca.SX, thrust: ca.SX) -> ca.SX:
-    """Give p' and v' under a thrust per mass [m/s^2] along the body's z axis, with drag."""
-    axis, velocity = thrust_axis(x[ATTITUDE]), x[VELOCITY]
-    acceleration = thrust * axis - ca.vertcat(0, 0, vehicle.gravity)
-    return ca.vertcat(velocity, acceleration + _drag(_airframe(vehicle).drag, velocity, axis) / vehicle.mass)
-
-
-def _drag(drag: Drag, velocity: ca.SX, axis: ca.SX) -> ca.SX:
-    """[N], as `cruise.dynamics.drag` has it."""
-    across = drag.horizontal
-    force = -across * velocity - (drag.vertical - across) * ca.dot(velocity, axis) * axis
-    if drag.quadratic:
-        force -= drag.quadratic * ca.sqrt(ca.dot(velocity, velocity) + 1e-6) * velocity
-    return force
-
-
-def _turning(x: ca.SX, omega: ca.SX) -> ca.SX:
-    """Give q' = q (0, omega) / 2."""
-    w, vector = x[6], x[7:10]
-    return 0.5 * ca.vertcat(-ca.dot(vector, omega), w * omega + ca.cross(vector, omega))
+def _motion(vehicle: Vehicle, x: ca.SX, wrench: Wrench) -> FreeBody:
+    """The time derivatives of a body under a wrench, in air that stands still."""
+    body = FreeBody(*parts(x, POSITION, VELOCITY, ATTITUDE, RATES))
+    rate: FreeBody = make_free_derivative(physics_of(vehicle), vehicle.gravity, None, SMOOTH)(body, wrench)
+    return rate

@@ -12,6 +12,7 @@ import numpy as np
 
 from cruise.config import Track, Vehicle
 from cruise.errors import CruiseError
+from cruise.limit import keep_out
 from cruise.limit.cascade import EULER, MEMORY, POSITION, STATE_SIZE, STEEPEST, VELOCITY, error_of_one, make_step
 from cruise.limit.models import Range
 from cruise.limit.transcription import SMOOTH, Condition, between, minimised, through, zeros
@@ -74,7 +75,7 @@ class SteppedProblem:
 
     track: Track
     vehicle: Vehicle
-    margin: float = 0.25  # kept from the edges of every opening [m]
+    margin: float = 0.25  # kept from the edges of every opening, and from poles and walls [m]
     standing_laps: int = 0
     largest_change: float = LARGEST_CHANGE  # of an action, each of whose components lies in [-1, 1], between steps
 
@@ -114,7 +115,7 @@ class SteppedProblem:
         """
         count = len(guess.action)
         unknown = _unknowns(len(guess.crossed), count)
-        conditions = [*self._motion(unknown, rounding), *self._gates(unknown, guess.crossed)]
+        conditions = [*self._motion(unknown, rounding), *self._gates(unknown, guess.crossed), *self._solids(unknown)]
         if not self.standing_laps:
             apart = unknown.states[:, -1] - unknown.states[:, 0]
             conditions.append((apart, zeros(apart)))
@@ -145,6 +146,11 @@ class SteppedProblem:
             place = before + unknown.share[s] * (after - before)
             conditions.append(through(self.track.gates[gate], self.margin, place, unknown.states[VELOCITY, k]))
         return conditions
+
+    def _solids(self, unknown: _Unknowns) -> list[Condition]:
+        """The margin from poles and walls on the straight lines that the steps are."""
+        line = keep_out.straight(unknown.states[POSITION, :-1], unknown.states[POSITION, 1:])
+        return keep_out.beyond(self.track, self.margin, line)
 
     def _bounds(self, gates: int, count: int, exact: bool) -> Range:
         state_low, state_high = (np.full((count + 1, STATE_SIZE), sign * np.inf) for sign in (-1, 1))

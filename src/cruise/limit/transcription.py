@@ -7,8 +7,10 @@ from typing import Any, NamedTuple, TypeVar
 import casadi as ca
 import numpy as np
 
+from cruise import geometry
 from cruise.config import Gate, Track
 from cruise.errors import CruiseError
+from cruise.limit import keep_out
 from cruise.limit.models import ATTITUDE, POSITION, VELOCITY, Model, Range
 
 Condition = tuple[ca.MX, Range]  # an expression, and within which bounds it must lie
@@ -56,6 +58,13 @@ def _unknowns(model: Model, stretches: int, steps: int) -> _Unknowns:
     )
 
 
+def _step_lengths(unknown: _Unknowns) -> ca.MX:
+    """[1, S K] of every step [s]."""
+    nodes, stretches = unknown.controls.shape[1], unknown.durations.numel()
+    steps = nodes // stretches
+    return ca.repmat((unknown.durations / steps).T, steps, 1).reshape((1, nodes))
+
+
 def _unpacked(numbers: np.ndarray, like: Lap) -> Lap:
     """The numbers of a lap, which lie behind each other, in its shapes."""
     first, last = like.duration.size, numbers.size - like.control.size
@@ -69,13 +78,18 @@ class Problem:
 
     track: Track
     model: Model
-    margin: float = 0.25  # kept from the edges of every opening [m]
+    margin: float = 0.25  # kept from the edges of every opening, and from poles and walls [m]
     standing_laps: int = 0  # from hovering in the middle of gate 0, so many laps to a free end; 0: one lap for ever
 
     def solve(self, guess: Lap) -> Lap:
         """The fastest lap near the guess, in as many steps. Raises CruiseError where the solver finds none."""
         unknown = _unknowns(self.model, len(guess.duration), guess.steps)
-        conditions = [*self._motion(unknown), *self._ends(unknown.states), *self._gates(unknown)]
+        conditions = [
+            *self._motion(unknown),
+            *self._ends(unknown.states),
+            *self._gates(unknown),
+            *self._solids(unknown),
+        ]
         span = self.model.control[1] - self.model.control[0]
         change = (unknown.controls[:, 1:] - unknown.controls[:, :-1]) / span
         objective = ca.sum1(unknown.durations) + SMOOTH * ca.sumsqr(change)
@@ -89,10 +103,7 @@ class Problem:
 
     def _motion(self, unknown: _Unknowns) -> list[Condition]:
         """Every step ends where the next begins, and what holds along the path holds at its start."""
-        nodes = unknown.controls.shape[1]
-        stretches = unknown.durations.numel()
-        steps = nodes // stretches
-        step = ca.repmat((unknown.durations / steps).T, steps, 1).reshape((1, nodes))
+        nodes, step = unknown.controls.shape[1], _step_lengths(unknown)
         starts, ends = unknown.states[:, :-1], unknown.states[:, 1:]
         gap = shooting(self.model).map(nodes)(starts, unknown.controls, step) - ends
         if self.model.path is None:
@@ -110,6 +121,13 @@ class Problem:
             state = unknown.states[:, s * steps]
             conditions.append(through(self.track.gates[s % gates], self.margin, state[POSITION], state[VELOCITY]))
         return conditions
+
+    def _solids(self, unknown: _Unknowns) -> list[Condition]:
+        """The margin from poles and walls, at the ends of steps and between them."""
+        starts, ends = unknown.states[:, :-1], unknown.states[:, 1:]
+        velocities = starts[VELOCITY, :], ends[VELOCITY, :]
+        line = keep_out.curve(starts[POSITION, :], ends[POSITION, :], velocities, _step_lengths(unknown))
+        return keep_out.beyond(self.track, self.margin, line)
 
     def _ends(self, states: ca.MX) -> list[Condition]:
         """What joins the end of the lap with its start."""
@@ -181,17 +199,17 @@ def start_of(track: Track, model: Model) -> np.ndarray:
 
 def through(gate: Gate, margin: float, position: ca.MX, velocity: ca.MX) -> Condition:
     """On the plane of a gate, inside its opening with the margin, in the direction of flight."""
-    place = gate_frame(gate, position - ca.DM(list(gate.position_w)))
-    speed = gate_frame(gate, velocity)[0]
-    aside, up = gate.width / 2 - margin, gate.height / 2 - margin
-    low, high = np.array([0.0, -aside, -up, SLOWEST]), np.array([0.0, aside, up, np.inf])
-    return ca.vertcat(*place, speed), (low, high)
-
-
-def gate_frame(gate: Gate, vector: ca.MX) -> tuple[ca.MX, ca.MX, ca.MX]:
-    """Forward, left and up of a gate."""
-    cos, sin = np.cos(gate.yaw), np.sin(gate.yaw)
-    return cos * vector[0] + sin * vector[1], cos * vector[1] - sin * vector[0], vector[2]
+    frame = geometry.heading_of(gate.yaw), geometry.tilt_of(gate.roll, gate.pitch)
+    forward, left, up = geometry.to_gate(frame[0], position - ca.DM(list(gate.position_w)), frame[1])
+    speed, _, _ = geometry.to_gate(frame[0], velocity, frame[1])
+    half_width, half_height = gate.width / 2 - margin, gate.height / 2 - margin
+    if gate.shape == "round":
+        low, high = np.array([0.0, -np.inf, SLOWEST]), np.array([0.0, half_width**2, np.inf])
+        rows: list[ca.MX] = [forward, left * left + up * up, speed]
+        return ca.vertcat(*rows), (low, high)
+    low, high = np.array([0.0, -half_width, -half_height, SLOWEST]), np.array([0.0, half_width, half_height, np.inf])
+    rows = [forward, left, up, speed]
+    return ca.vertcat(*rows), (low, high)
 
 
 def shooting(model: Model) -> ca.Function:

@@ -32,8 +32,8 @@ class Pilot(Protocol):
         ...
 
     @property
-    def vehicle(self) -> str:
-        """Name of the vehicle preset it was made for."""
+    def vehicle(self) -> str | Vehicle:
+        """What it was made for: the name of a preset, or a vehicle of one's own."""
         ...
 
     def init(self, env: RaceEnv, drones: tuple[int, ...], state: RaceState) -> Memory:

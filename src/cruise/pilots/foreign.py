@@ -14,12 +14,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from cruise.config import ObservationKind
+from cruise.config import ObservationKind, Vehicle
 from cruise.env.race_env import RaceEnv
 from cruise.env.types import RaceState
 from cruise.errors import CruiseError, one_line
 from cruise.pilots.base import Memory, Pilot
-from cruise.presets import VEHICLES
+from cruise.vehicles import VEHICLES, find_vehicle
 
 Style = Literal["function", "object", "batch"]
 
@@ -40,12 +40,12 @@ class ForeignPilot:
     style: Style
     name: str
     agility: float
-    vehicle: str
+    vehicle: str | Vehicle
     observation: ObservationKind | None  # what it sees beside the state; it then speaks in the same frame
     budget: float  # time for an action of one drone [s]
 
     def init(self, env: RaceEnv, drones: tuple[int, ...], state: RaceState) -> Memory:
-        """Raises CruiseError: `cruise.pilots.cockpit` flies it, a compiled program cannot."""
+        """Raises CruiseError: `cruise.pilots.python_pilot` flies it, a compiled program cannot."""
         raise CruiseError(f"pilot {self.name!r} is plain Python: it cannot fly inside a compiled program")
 
     def act(
@@ -61,7 +61,7 @@ class Commanded(eqx.Module):
     observation: ObservationKind | None = eqx.field(static=True, default=None)
     name: str = eqx.field(static=True, default="commanded")
     agility: float = eqx.field(static=True, default=1.0)
-    vehicle: str = eqx.field(static=True, default="paper")
+    vehicle: str | Vehicle = eqx.field(static=True, default="paper")
 
     def init(self, env: RaceEnv, drones: tuple[int, ...], state: RaceState) -> Memory:
         """No command yet."""
@@ -108,9 +108,9 @@ def wrap(thing: object, name: str | None = None, budget: float = DEFAULT_BUDGET)
         kinds = ", ".join(get_args(ObservationKind))
         raise CruiseError(f"pilot {name!r}: unknown observation {observation!r}; there are {kinds}, or None")
     vehicle = getattr(thing, "vehicle", "paper")
-    if vehicle not in VEHICLES:
+    if not isinstance(vehicle, Vehicle) and vehicle not in VEHICLES:
         raise CruiseError(f"pilot {name!r}: unknown vehicle {vehicle!r}; vehicles: {', '.join(VEHICLES)}")
-    agility = _agility(thing, name, VEHICLES[vehicle].agility)
+    agility = _agility(thing, name, find_vehicle(vehicle).agility)
     return ForeignPilot(make, style, name, agility, vehicle, observation, budget)
 
 

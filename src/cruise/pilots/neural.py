@@ -5,7 +5,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from cruise.config import ObservationKind
+from cruise.config import ObservationKind, Vehicle
 from cruise.env.observation import FOR_ANY_FIELD
 from cruise.env.race_env import RaceEnv
 from cruise.env.types import RaceState
@@ -26,17 +26,16 @@ class NeuralPilot(eqx.Module):
     drones: int = eqx.field(static=True)  # in the races it was trained for
     agility: float = eqx.field(static=True)
     name: str = eqx.field(static=True)
-    vehicle: str = eqx.field(static=True, default="paper")
+    vehicle: str | Vehicle = eqx.field(static=True, default="paper")
 
     def init(self, env: RaceEnv, drones: tuple[int, ...], state: RaceState) -> Memory:
-        """No memory. Raises CruiseError where the policy does not fit the race."""
-        del drones
+        """What the network remembers before the start. Raises CruiseError where the policy does not fit the race."""
         if self.observation not in FOR_ANY_FIELD and self.drones != env.num_drones:
             raise CruiseError(
                 f"policy {self.name!r} was trained for races of {self.drones} drones, this race has {env.num_drones}"
             )
         seen = jax.eval_shape(env.observe_as[self.observation], state).shape[0]
-        takes, gives = self.params.actor.layers[0].in_features, self.params.actor.layers[-1].out_features
+        takes, gives = self.params.shape.observation_size, self.params.shape.action_size
         if takes != seen:
             raise CruiseError(
                 f"policy {self.name!r} reads {takes} numbers, but the {self.observation!r} observation has {seen} in "
@@ -46,7 +45,7 @@ class NeuralPilot(eqx.Module):
             raise CruiseError(
                 f"policy {self.name!r} gives {gives} numbers, but this vehicle's action has {env.dynamics.action_size}"
             )
-        return ()
+        return self.params.init_carry((len(drones), *state.step.shape))
 
     def act(
         self, env: RaceEnv, drones: tuple[int, ...], memory: Memory, state: RaceState, key: Array
@@ -54,6 +53,6 @@ class NeuralPilot(eqx.Module):
         """The deterministic action for each of its drones."""
         del key
         observation = rows(env.observe_as[self.observation](state), drones, axis=1)
-        action = self.params.mean_action(observation)
+        memory, action = self.params.apply(memory, observation)
         action = env.decode_as[self.observation](state, action, drones)
         return memory, jnp.clip(action, -1.0, 1.0)

@@ -15,6 +15,7 @@ from cruise.pilots.base import Memory, Pilot
 from cruise.racing.course import Course, pick
 from cruise.racing.field import opponent, opponents, rows
 from cruise.vector import norm
+from cruise.vehicles import find_vehicle, reference_to
 
 EPSILON = 1e-6
 Scalars = Float[Array, "N *B"] | float
@@ -24,9 +25,9 @@ P = TypeVar("P", bound="Hover | Chaser")
 
 def _aboard(pilot: P, vehicle: Vehicle, **fields: Any) -> P:
     """The pilot in another vehicle, `fields` being what suits that one; it knows the paper's by heart."""
-    if vehicle.name == pilot.vehicle:
+    if vehicle == find_vehicle(pilot.vehicle):
         return pilot
-    return replace(pilot, vehicle=vehicle.name, agility=vehicle.agility, **fields)
+    return replace(pilot, vehicle=reference_to(vehicle), agility=vehicle.agility, **fields)
 
 
 class Hover(eqx.Module):
@@ -34,7 +35,7 @@ class Hover(eqx.Module):
 
     name: str = eqx.field(static=True, default="hover")
     agility: float = eqx.field(static=True, default=7.5)
-    vehicle: str = eqx.field(static=True, default="paper")
+    vehicle: str | Vehicle = eqx.field(static=True, default="paper")
     velocity_gain: float = eqx.field(static=True, default=3.75)  # [1/s]
     position_gain: float = eqx.field(static=True, default=0.3)  # [1/s]
 
@@ -65,7 +66,7 @@ class Chaser(eqx.Module):
 
     name: str = eqx.field(static=True, default="chaser")
     agility: float = eqx.field(static=True, default=7.5)
-    vehicle: str = eqx.field(static=True, default="paper")
+    vehicle: str | Vehicle = eqx.field(static=True, default="paper")
     speed: float = eqx.field(static=True, default=2.5)  # [m/s]
     velocity_gain: float = eqx.field(static=True, default=6.0)  # [1/s]
     lead: float = eqx.field(static=True, default=0.5)  # aims this share of its distance in front of the gate

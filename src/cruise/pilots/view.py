@@ -50,7 +50,7 @@ class View(NamedTuple):
     agility: float  # scale of the action [m/s^2 in the paper's vehicle]
 
 
-class Sight(NamedTuple):
+class Snapshot(NamedTuple):
     """All drones of all races at one moment. Leading axes [E, N]."""
 
     time: np.ndarray  # [E] s
@@ -73,16 +73,16 @@ def gates_of(course: Course) -> Gates:
     return Gates(np.asarray(course.position_w, np.float64).T, np.arctan2(y, x), normal_w, width, height)
 
 
-def look(env: RaceEnv, state: RaceState, kinds: tuple[str, ...]) -> Sight:
+def take_snapshot(env: RaceEnv, state: RaceState, kinds: tuple[str, ...]) -> Snapshot:
     """See races [*B]; `kinds` are the observations that somebody asks for."""
-    vectors, flags, observations = jax.tree.map(np.asarray, _look(env, state, kinds))
+    vectors, flags, observations = jax.tree.map(np.asarray, _take_snapshot(env, state, kinds))
     passed_time = flags.pop("step") * env.dynamics.control_dt
     floats = {name: np.asarray(value, np.float64) for name, value in vectors.items()}
-    return Sight(time=passed_time, **floats, **flags, observations=observations)
+    return Snapshot(time=passed_time, **floats, **flags, observations=observations)
 
 
 @eqx.filter_jit
-def _look(env: RaceEnv, state: RaceState, kinds: tuple[str, ...]) -> tuple[dict[str, Array], ...]:
+def _take_snapshot(env: RaceEnv, state: RaceState, kinds: tuple[str, ...]) -> tuple[dict[str, Array], ...]:
     batch = state.step.ndim
 
     def users(values: Array) -> Array:
@@ -101,7 +101,7 @@ def _look(env: RaceEnv, state: RaceState, kinds: tuple[str, ...]) -> tuple[dict[
     return vectors, flags, {kind: users(env.observe_as[kind](state)) for kind in kinds}
 
 
-class Lookout(NamedTuple):
+class ViewBuilder(NamedTuple):
     """Gives each drone of a crew its view."""
 
     gates: Gates
@@ -109,10 +109,10 @@ class Lookout(NamedTuple):
     agility: float
     observation: str | None
 
-    def views(self, sight: Sight, drones: Sequence[int]) -> View:
+    def views(self, snapshot: Snapshot, drones: Sequence[int]) -> View:
         """The views of some drones in every race, M = n E rows, drone after drone."""
-        total = sight.airborne.shape[1]
-        parts = [self._columns(sight, drone, [(drone + k) % total for k in range(1, total)]) for drone in drones]
+        total = snapshot.airborne.shape[1]
+        parts = [self._columns(snapshot, drone, [(drone + k) % total for k in range(1, total)]) for drone in drones]
         columns = [np.concatenate(column) for column in zip(*parts, strict=True)]
         return self._view(columns)
 
@@ -129,20 +129,20 @@ class Lookout(NamedTuple):
         named = {"observation": None} | dict(zip(names, columns, strict=True))
         return View(**named, gates=self.gates, control_dt=self.control_dt, agility=self.agility)
 
-    def _columns(self, sight: Sight, drone: int, others: list[int]) -> tuple[np.ndarray, ...]:
+    def _columns(self, snapshot: Snapshot, drone: int, others: list[int]) -> tuple[np.ndarray, ...]:
         columns = (
-            sight.time,
-            np.full(len(sight.time), drone),
-            sight.position_w[:, drone],
-            sight.velocity_w[:, drone],
-            sight.euler[:, drone],
-            sight.rotation_wb[:, drone],
-            sight.angular_velocity_b[:, drone],
-            sight.next_gate[:, drone],
-            sight.gates_passed[:, drone],
-            sight.airborne[:, drone],
-            sight.position_w[:, others],
-            sight.velocity_w[:, others],
-            sight.airborne[:, others],
+            snapshot.time,
+            np.full(len(snapshot.time), drone),
+            snapshot.position_w[:, drone],
+            snapshot.velocity_w[:, drone],
+            snapshot.euler[:, drone],
+            snapshot.rotation_wb[:, drone],
+            snapshot.angular_velocity_b[:, drone],
+            snapshot.next_gate[:, drone],
+            snapshot.gates_passed[:, drone],
+            snapshot.airborne[:, drone],
+            snapshot.position_w[:, others],
+            snapshot.velocity_w[:, others],
+            snapshot.airborne[:, others],
         )
-        return columns if self.observation is None else (*columns, sight.observations[self.observation][:, drone])
+        return columns if self.observation is None else (*columns, snapshot.observations[self.observation][:, drone])

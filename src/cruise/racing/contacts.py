@@ -1,11 +1,14 @@
-"""What a drone can hit: other drones, the ground, the limits of the track."""
+"""What a drone can hit: other drones, the ground, solids, the limits of the track."""
+
+from collections.abc import Sequence
 
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from cruise.racing.course import Course
-from cruise.racing.field import opponent, opponents
-from cruise.vector import dot, norm
+from cruise.geometry import NEVER, distance2_at, nearest_fraction
+from cruise.racing.course import Course, over_columns
+from cruise.racing.field import over_opponents
+from cruise.racing.solids import KINDS
 
 
 def closest_approach(
@@ -14,26 +17,48 @@ def closest_approach(
     """Smallest distance [m] of two drones while each flies its segment at constant velocity."""
     start = start1_w - start0_w
     motion = (end1_w - end0_w) - start
-    fraction = jnp.clip(-dot(start, motion) / jnp.maximum(dot(motion, motion), 1e-12), 0.0, 1.0)
-    return norm(start + fraction * motion)
+    return jnp.sqrt(distance2_at(start, motion, nearest_fraction(start, motion)))
+
+
+def meet_opponents(
+    start_w: Float[Array, "3 N *B"],
+    end_w: Float[Array, "3 N *B"],
+    airborne: Bool[Array, "N *B"],
+    distance: Array | float,
+    until: Sequence[Float[Array, "N *B"]] = (),
+    aspect: float = 1.0,
+) -> tuple[Float[Array, "N *B"], list[Bool[Array, "N *B"]]]:
+    """Closest approach to any other drone in the air within the step [m], infinite when alone.
+
+    And for each of `until`, fractions of the step, whether another drone came nearer than `distance` [m] before. With
+    another `aspect` than 1 heights count as if divided by it: the distance is that along the horizontal axes of an
+    ellipsoid about the drone, `aspect` times as high as wide, on whose surface the other drone comes to lie.
+    """
+    if aspect != 1.0:
+        start_w, end_w = (jnp.stack([x, y, z / aspect]) for x, y, z in (start_w, end_w))
+
+    def visit(found: tuple[Array, ...], k: int, start1_w: Array, end1_w: Array, here: Array) -> tuple[Array, ...]:
+        offset = start1_w - start_w
+        motion = (end1_w - end_w) - offset
+        both = airborne & here
+        fraction = nearest_fraction(offset, motion)
+        nearest, *touched = found
+        nearest = jnp.minimum(nearest, jnp.where(both, distance2_at(offset, motion, fraction), jnp.inf))
+        for i, last in enumerate(until):
+            near = distance2_at(offset, motion, jnp.minimum(fraction, last)) < distance**2
+            touched[i] = touched[i] | (both & near)
+        return nearest, *touched
+
+    nobody = jnp.full(airborne.shape, jnp.inf), *(jnp.zeros(airborne.shape, bool) for _ in until)
+    nearest2, *touched = over_opponents(visit, nobody, (start_w, 1), (end_w, 1), (airborne, 0))
+    return jnp.sqrt(nearest2), touched
 
 
 def nearest_opponent(
     start_w: Float[Array, "3 N *B"], end_w: Float[Array, "3 N *B"], airborne: Bool[Array, "N *B"], aspect: float = 1.0
 ) -> Float[Array, "N *B"]:
-    """Closest approach to any other drone in the air within the step [m]; infinite when alone.
-
-    With another `aspect` than 1 heights count as if divided by it: the distance is that along the horizontal axes of an
-    ellipsoid about the drone, `aspect` times as high as wide, on whose surface the other drone comes to lie.
-    """
-    if aspect != 1.0:
-        start_w, end_w = (jnp.stack([x, y, z / aspect]) for x, y, z in (start_w, end_w))
-    nearest = jnp.full(airborne.shape, jnp.inf)
-    for k in opponents(airborne.shape[0]):
-        distance = closest_approach(start_w, end_w, opponent(start_w, k, 1), opponent(end_w, k, 1))
-        both = airborne & opponent(airborne, k, 0)
-        nearest = jnp.minimum(nearest, jnp.where(both, distance, jnp.inf))
-    return nearest
+    """The closest approach of `meet_opponents` alone."""
+    return meet_opponents(start_w, end_w, airborne, 0.0, aspect=aspect)[0]
 
 
 def on_ground(position_w: Float[Array, "3 *B"]) -> Bool[Array, "*B"]:
@@ -42,19 +67,42 @@ def on_ground(position_w: Float[Array, "3 *B"]) -> Bool[Array, "*B"]:
 
 
 def out_of_bounds(course: Course, position_w: Float[Array, "3 *B"]) -> Bool[Array, "*B"]:
-    """Outside the track's box (the ground apart), or farther than `leave_distance` from every gate."""
-    inside = course.leave_distance**2 >= nearest_gate_distance2(course, position_w)
-    for axis in range(3):
-        inside &= position_w[axis] <= course.bounds_high[axis]
+    """Outside the track's box, or farther than `leave_distance` from every gate."""
+    return outside_box(course, position_w) | ~(course.leave_distance**2 >= nearest_gate_distance2(course, position_w))
+
+
+def outside_box(course: Course, position_w: Float[Array, "3 *B"]) -> Bool[Array, "*B"]:
+    """Outside the track's box, the ground apart. Who is outside at the end of a step leaves once within it."""
+    inside = position_w[2] <= course.bounds_high[2]
     for axis in range(2):
-        inside &= position_w[axis] >= course.bounds_low[axis]
+        inside &= (position_w[axis] <= course.bounds_high[axis]) & (position_w[axis] >= course.bounds_low[axis])
     return ~inside
+
+
+def meet_solids(
+    course: Course, start_w: Float[Array, "3 *B"], end_w: Float[Array, "3 *B"]
+) -> dict[str, Float[Array, "*B"]]:
+    """By kind, the fraction of the step at which the first solid of that kind is met, or `NEVER`.
+
+    Only of kinds that stand on the track.
+    """
+    found = {}
+    for kind in KINDS:
+        table = (course.solids or {}).get(kind.name)
+        if table is not None:
+            found[kind.name] = over_columns(
+                table.shape[1],
+                lambda first, i, kind=kind, table=table: jnp.minimum(first, kind.contact(table[:, i], start_w, end_w)),
+                jnp.full(end_w.shape[1:], NEVER),
+            )
+    return found
 
 
 def nearest_gate_distance2(course: Course, position_w: Float[Array, "3 *B"]) -> Float[Array, "*B"]:
     """Squared distance to the nearest gate's centre [m^2]."""
-    nearest = jnp.full(position_w.shape[1:], jnp.inf)
-    for gate in range(course.num_gates):
+
+    def visit(nearest: Array, gate: int) -> Array:
         x, y, z = (position_w[i] - course.position_w[i, gate] for i in range(3))
-        nearest = jnp.minimum(nearest, x * x + y * y + z * z)
-    return nearest
+        return jnp.minimum(nearest, x * x + y * y + z * z)
+
+    return over_columns(course.num_gates, visit, jnp.full(position_w.shape[1:], jnp.inf))

@@ -1,24 +1,37 @@
 """A track as arrays. Components lead and drones or races trail, so every function broadcasts over them."""
 
-from typing import NamedTuple
+import functools
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
-from cruise.config import Track
+from cruise.config import Gate, Track
+from cruise.racing.solids import solid_columns
+
+UNROLLED = 16  # gates or solids up to which a loop over them is written out: more are scanned, or gathered
 
 
 class Course(NamedTuple):
-    """Gates and limits of a track [m, rad, world frame]. Where races differ in their gates, these have batch axes."""
+    """Gates, solids and limits of a track [m, rad, world frame].
+
+    Where races differ in their gates, places and headings have batch axes. What no gate of the track has is None and
+    costs nothing.
+    """
 
     position_w: Float[Array, "3 G *B"]
-    normal_w: Float[Array, "2 G *B"]  # (cos yaw, sin yaw): the direction of flight
+    normal_w: Float[Array, "2 G *B"]  # (cos yaw, sin yaw): the heading of flight
     half_size: Float[Array, "2 G"]  # half width and half height of the openings
     frame_width: Float[Array, ""]
     bounds_low: Float[Array, "3"]
     bounds_high: Float[Array, "3"]
     leave_distance: Float[Array, ""]
+    tilt: Float[Array, "4 G"] | None = None  # (cos pitch, sin pitch, cos roll, sin roll); None: all stand upright
+    is_round: Bool[Array, "1 G"] | None = None  # None: all are rectangles
+    solids: dict[str, Float[Array, "C S"]] | None = None  # by kind, see `cruise.racing.solids`; None: gates alone
 
     @property
     def num_gates(self) -> int:
@@ -26,26 +39,77 @@ class Course(NamedTuple):
         return self.position_w.shape[1]
 
 
+class Opening(NamedTuple):
+    """One gate of a course, or for every drone its own."""
+
+    position_w: Float[Array, "3 *B"]  # centre [m]
+    normal_w: Float[Array, "2 *B"]
+    half_size: Float[Array, "2 *B"]  # [m]
+    tilt: Float[Array, "4 *B"] | None = None
+    is_round: Bool[Array, "1 *B"] | None = None
+
+
 def make_course(track: Track) -> Course:
     """Arrays of a track."""
-    yaw = np.array([g.yaw for g in track.gates])
+    gates = track.gates
+    yaw = np.array([g.yaw for g in gates])
     return Course(
-        position_w=jnp.array([g.position_w for g in track.gates], jnp.float32).T,
+        position_w=jnp.array([g.position_w for g in gates], jnp.float32).T,
         normal_w=jnp.array([np.cos(yaw), np.sin(yaw)], jnp.float32),
-        half_size=jnp.array([[g.width / 2, g.height / 2] for g in track.gates], jnp.float32).T,
+        half_size=jnp.array([_half_size(g) for g in gates], jnp.float32).T,
         frame_width=jnp.float32(track.frame_width),
         bounds_low=jnp.array(track.bounds_low, jnp.float32),
         bounds_high=jnp.array(track.bounds_high, jnp.float32),
         leave_distance=jnp.float32(track.leave_distance),
+        tilt=_tilt(gates),
+        is_round=jnp.array([[g.shape == "round" for g in gates]]) if any(g.shape == "round" for g in gates) else None,
+        solids={kind: jnp.array(table, jnp.float32) for kind, table in solid_columns(track.obstacles).items()} or None,
     )
 
 
+def _half_size(gate: Gate) -> tuple[float, float]:
+    return gate.width / 2, (gate.width if gate.shape == "round" else gate.height) / 2
+
+
+def _tilt(gates: tuple[Gate, ...]) -> Float[Array, "4 G"] | None:
+    roll, pitch = np.array([g.roll for g in gates]), np.array([g.pitch for g in gates])
+    if not (roll.any() or pitch.any()):
+        return None
+    return jnp.array([np.cos(pitch), np.sin(pitch), np.cos(roll), np.sin(roll)], jnp.float32)
+
+
+def opening(course: Course, gate: int | Int[Array, ""]) -> Opening:
+    """One gate, the same for all drones."""
+    tables = (course.position_w, course.normal_w, course.half_size, course.tilt, course.is_round)
+    return Opening(*(None if table is None else table[:, gate] for table in tables))
+
+
+def target_opening(course: Course, gate: Int[Array, "*B"]) -> Opening:
+    """For every drone the gate of its number."""
+    tables = (course.position_w, course.normal_w, course.half_size, course.tilt, course.is_round)
+    return Opening(*(None if table is None else pick(table, gate) for table in tables))
+
+
 def pick(table: Float[Array, "C G *R"], gate: Int[Array, "*B"]) -> Float[Array, "C *B"]:
-    """Columns of `table` at `gate`, axes R the last of B. A sum over selects: it vectorises where a gather does not."""
+    """Columns of `table` at `gate`, axes R the last of B.
+
+    A sum over selects, which vectorises where a gather does not, up to `UNROLLED` gates; beyond, a gather.
+    """
     races = table.shape[2:]
     ones = (1,) * (gate.ndim - len(races))
+    if table.shape[1] > UNROLLED:
+        spread = table.reshape(*table.shape[:2], *ones, *races)
+        return jnp.take_along_axis(spread, gate[None, None], axis=1)[:, 0]
     columns = [table[:, g].reshape(-1, *ones, *races) for g in range(table.shape[1])]
     picked = jnp.broadcast_to(columns[0], (table.shape[0], *gate.shape))
     for g, column in enumerate(columns[1:], start=1):
         picked = jnp.where(gate == g, column, picked)
     return picked
+
+
+def over_columns(count: int, visit: Callable[[Any, Any], Any], start: Any) -> Any:
+    """Fold `visit(result, number)` over the numbers of gates or solids; what is traced does not grow beyond a few."""
+    if count <= UNROLLED:
+        return functools.reduce(visit, range(count), start)
+    result, _ = jax.lax.scan(lambda carry, number: (visit(carry, number), None), start, jnp.arange(count))
+    return result

@@ -5,19 +5,21 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from cruise.racing.course import Course
+from cruise.geometry import NEVER, beyond_opening, plane_fraction, to_gate
+from cruise.racing.course import Course, Opening, opening, over_columns, target_opening
 
 NEAR_GATE = 5.0  # crossing the target's plane within this distance of its opening is a miss, farther is a detour [m]
 
 
 class Crossing(NamedTuple):
-    """What a step did at the gates; a step crosses the target gate at most once."""
+    """What a step did at the target gate, whose plane it crosses at most once, and at the frames of all."""
 
     passed: Bool[Array, "*B"]  # the target gate, in the right direction, inside its opening
     missed: Bool[Array, "*B"]  # flew by the target gate beside its opening and frame
     hit_frame: Bool[Array, "*B"]  # struck the solid border of any gate
     fraction: Float[Array, "*B"]  # of the step at which the target's plane was crossed, in [0, 1]
     offset: Float[Array, "*B"]  # how far beyond the nominal opening's edge it was crossed, negative inside [m]
+    frame_fraction: Float[Array, "*B"] | float = NEVER  # of the step at which the first frame was struck
 
 
 class PlaneCrossing(NamedTuple):
@@ -29,27 +31,30 @@ class PlaneCrossing(NamedTuple):
     offset: Float[Array, "*B"]  # beyond the edge of the opening, negative inside [m]
 
 
-def gate_coordinates(course: Course, gate: int, position_w: Float[Array, "3 *B"]) -> tuple[Array, Array, Array]:
-    """Position in the frame of one gate [m]: forward along its normal, to the left, up."""
-    x, y, z = (position_w[i] - course.position_w[i, gate] for i in range(3))
-    cos_yaw, sin_yaw = course.normal_w[0, gate], course.normal_w[1, gate]
-    return cos_yaw * x + sin_yaw * y, cos_yaw * y - sin_yaw * x, z
+def gate_coordinates(gate: Opening, position_w: Float[Array, "3 *B"]) -> tuple[Array, Array, Array]:
+    """Position in the frame of a gate [m]: forward along its normal, to the left, up."""
+    x, y, z = (position_w[i] - gate.position_w[i] for i in range(3))
+    return to_gate(gate.normal_w, (x, y, z), gate.tilt)
 
 
 def cross_plane(course: Course, gate: int, start_w: Float[Array, "3 *B"], end_w: Float[Array, "3 *B"]) -> PlaneCrossing:
-    """Intersection of the segment with the plane of one gate."""
-    forward0, left0, up0 = gate_coordinates(course, gate, start_w)
-    forward1, left1, up1 = gate_coordinates(course, gate, end_w)
-    length = forward1 - forward0
-    fraction = jnp.clip(-forward0 / jnp.where(length == 0, 1.0, length), 0.0, 1.0)
+    """Intersection of the segment with the plane of one gate of a course."""
+    return cross_opening(opening(course, gate), start_w, end_w)
+
+
+def cross_opening(gate: Opening, start_w: Float[Array, "3 *B"], end_w: Float[Array, "3 *B"]) -> PlaneCrossing:
+    """Intersection of the segment with the plane of a gate."""
+    forward0, left0, up0 = gate_coordinates(gate, start_w)
+    forward1, left1, up1 = gate_coordinates(gate, end_w)
+    fraction = plane_fraction(forward0, forward1)
     left = left0 + fraction * (left1 - left0)
     up = up0 + fraction * (up1 - up0)
-    half_width, half_height = course.half_size[0, gate], course.half_size[1, gate]
+    is_round = None if gate.is_round is None else gate.is_round[0]
     return PlaneCrossing(
         ahead=(forward0 < 0) & (forward1 >= 0),
         back=(forward0 >= 0) & (forward1 < 0),
         fraction=fraction,
-        offset=jnp.maximum(jnp.abs(left) - half_width, jnp.abs(up) - half_height),
+        offset=beyond_opening(left, up, gate.half_size[0], gate.half_size[1], is_round),
     )
 
 
@@ -64,19 +69,63 @@ def cross_gates(
 
     `tolerance` [m] widens every opening: crossings inside it count, and the frame begins behind it.
     """
-    no, zero = jnp.zeros(target.shape, bool), jnp.zeros(target.shape)
-    result = Crossing(no, no, no, zero, zero)
-    for gate in range(course.num_gates):
-        plane = cross_plane(course, gate, start_w, end_w)
+
+    def visit(result: Crossing, gate: int | Int[Array, ""]) -> Crossing:
+        plane = cross_opening(opening(course, gate), start_w, end_w)
         is_target = target == gate
         inside = plane.offset <= tolerance
-        on_frame = ~inside & (plane.offset <= tolerance + course.frame_width)
-        beside = ~inside & ~on_frame & (plane.offset <= NEAR_GATE)
-        result = Crossing(
+        on_frame = ~inside & (plane.offset <= tolerance + course.frame_width) & (plane.ahead | plane.back)
+        return Crossing(
             passed=result.passed | (plane.ahead & inside & is_target),
-            missed=result.missed | (plane.ahead & beside & is_target),
-            hit_frame=result.hit_frame | ((plane.ahead | plane.back) & on_frame),
+            missed=result.missed | (plane.ahead & _beside(plane, course, tolerance) & is_target),
+            hit_frame=result.hit_frame | on_frame,
             fraction=jnp.where(is_target, plane.fraction, result.fraction),
             offset=jnp.where(is_target, plane.offset, result.offset),
+            frame_fraction=jnp.minimum(result.frame_fraction, jnp.where(on_frame, plane.fraction, NEVER)),
         )
-    return result
+
+    no, zero = jnp.zeros(target.shape, bool), jnp.zeros(target.shape)
+    return over_columns(course.num_gates, visit, Crossing(no, no, no, zero, zero, zero + NEVER))
+
+
+def cross_next(
+    course: Course,
+    start_w: Float[Array, "3 *B"],
+    end_w: Float[Array, "3 *B"],
+    before: Crossing,
+    target: Int[Array, "*B"],
+    tolerance: Array | float,
+) -> Crossing:
+    """What the rest of a step did at `target`, the gate after the one that was passed `before` in the same step.
+
+    Where none was passed nothing is. Frames are those of `before`, which knows them all.
+    """
+    plane = cross_opening(target_opening(course, target), start_w, end_w)
+    ahead = before.passed & plane.ahead & (plane.fraction > before.fraction)
+    return before._replace(
+        passed=ahead & (plane.offset <= tolerance),
+        missed=ahead & _beside(plane, course, tolerance),
+        fraction=plane.fraction,
+        offset=plane.offset,
+    )
+
+
+def _beside(plane: PlaneCrossing, course: Course, tolerance: Array | float) -> Bool[Array, "*B"]:
+    """Beyond the frame, yet no detour."""
+    return (plane.offset > tolerance + course.frame_width) & (plane.offset <= NEAR_GATE)
+
+
+def follow_gates(
+    course: Course,
+    start_w: Float[Array, "3 *B"],
+    end_w: Float[Array, "3 *B"],
+    target: Int[Array, "*B"],
+    tolerance: Array | float,
+    passes: int = 1,
+) -> list[Crossing]:
+    """Crossings of the segment at the target gate and at up to `passes` - 1 after it, each beyond the one before."""
+    crossings = [cross_gates(course, start_w, end_w, target, tolerance)]
+    for ahead in range(1, passes):
+        gate = (target + ahead) % course.num_gates
+        crossings.append(cross_next(course, start_w, end_w, crossings[-1], gate, tolerance))
+    return crossings

@@ -1,8 +1,10 @@
 """Tracks drawn at random, each with a line that proves that it can be flown. Plain NumPy: no JAX.
 
 Gates are put around a circle in an order that difficulty shuffles, at heights and headings that it spreads, some of
-them one above the other. Then the ways from gate to gate are computed, each tangent to both normals; a track whose ways
-strike a frame, come near the ground or bend too sharply is thrown away, and the next one drawn.
+them one above the other, and tilted where that is asked for. Then the ways from gate to gate are computed, each tangent
+to both normals; a track whose ways strike a frame, come near the ground or bend too sharply is thrown away, and the
+next one drawn. Poles and walls are put last, near the ways but clear of them. What tilt and obstacles draw, they draw
+from a stream of their own: without them a seed gives the track that it always gave.
 """
 
 import dataclasses
@@ -11,8 +13,10 @@ import math
 
 import numpy as np
 
+from cruise import geometry
 from cruise.config import Gate, Track, TrainConfig, Vec3
 from cruise.errors import CruiseError
+from cruise.racing.random_obstacles import MOST_OBSTACLES, with_obstacles
 from cruise.racing.track_file import RANDOM, load_track, track_faults
 from cruise.racing.ways import Way, way_between
 
@@ -33,9 +37,12 @@ USUAL_GATES = 8
 UNSEEN, TRAINING = 100, 500
 SEEDS = 1000  # of the tracks of one seed of `random_tracks`
 FRAME_WIDTH = 0.3  # [m]
+STEEPEST_TILT = math.radians(60)
 
 
-def random_track(seed: int, gates: int = USUAL_GATES, difficulty: float = 0.5) -> Track:
+def random_track(
+    seed: int, gates: int = USUAL_GATES, difficulty: float = 0.5, obstacles: int = 0, tilt: float = 0.0
+) -> Track:
     """A track that can be flown; the same seed gives the same.
 
     Args:
@@ -43,6 +50,8 @@ def random_track(seed: int, gates: int = USUAL_GATES, difficulty: float = 0.5) -
         gates: how many, from 3 to 40.
         difficulty: from 0, gates far apart around a circle and nearly level, to 1: close, shuffled, at any height up to
             5 m, turned away from the shortest way, and often in pairs, one above the other.
+        obstacles: poles and walls, from 0 to 60, beside the ways from gate to gate.
+        tilt: largest roll and pitch of gates, from 0 to 60 degrees [rad].
 
     Raises:
         CruiseError: a number out of range, or no such track was found.
@@ -53,11 +62,17 @@ def random_track(seed: int, gates: int = USUAL_GATES, difficulty: float = 0.5) -
         raise CruiseError(f"a random track has from {MIN_GATES} to {MAX_GATES} gates, not {gates}")
     if not 0 <= difficulty <= 1:
         raise CruiseError(f"difficulty must be from 0 to 1, not {difficulty}")
-    rng = np.random.default_rng([seed, gates, round(1e6 * difficulty)])
+    if not 0 <= obstacles <= MOST_OBSTACLES:
+        raise CruiseError(f"a random track has from 0 to {MOST_OBSTACLES} obstacles, not {obstacles}")
+    if not 0 <= tilt <= STEEPEST_TILT:
+        raise CruiseError(f"tilt must be from 0 to {math.degrees(STEEPEST_TILT):g} degrees, not {math.degrees(tilt):g}")
+    drawn_from = [seed, gates, round(1e6 * difficulty)]
+    rng, tilts = np.random.default_rng(drawn_from), np.random.default_rng([*drawn_from, round(1e6 * tilt)])
     for _ in range(ATTEMPTS):
-        track = _track(f"random-{seed}", _gates(rng, gates, difficulty))
+        track = _track(f"random-{seed}", _tilted(tilts, _gates(rng, gates, difficulty), tilt))
         if not track_faults(track) and is_flyable(track):
-            return track
+            solids = np.random.default_rng([*drawn_from, round(1e6 * tilt), obstacles])
+            return with_obstacles(solids, track, obstacles)
     raise CruiseError(f"no track of {gates} gates and difficulty {difficulty} was found from seed {seed}: try another")
 
 
@@ -100,13 +115,24 @@ def _is_clear(way: Way, track: Track) -> bool:
 
 def _strikes(way: Way, gate: Gate, frame_width: float) -> bool:
     """Whether a way crosses the plane of a gate on its frame or nearer to it than `CLEARANCE`."""
-    x, y, z = (way.point_w - np.array(gate.position_w)).T
-    cos, sin = math.cos(gate.yaw), math.sin(gate.yaw)
-    forward, left = cos * x + sin * y, cos * y - sin * x
-    offset = np.maximum(np.abs(left) - gate.width / 2, np.abs(z) - gate.height / 2)
+    away = tuple((way.point_w - np.array(gate.position_w)).T)
+    tilt = geometry.tilt_of(gate.roll, gate.pitch)
+    forward, left, up = geometry.to_gate(geometry.heading_of(gate.yaw), away, tilt)
+    is_round = True if gate.shape == "round" else None
+    offset = geometry.beyond_opening(left, up, gate.width / 2, gate.height / 2, is_round)
     near = (offset > -CLEARANCE) & (offset < frame_width + CLEARANCE)
     crossed = (forward[:-1] < 0) != (forward[1:] < 0)
     return bool((crossed & (near[:-1] | near[1:])).any())
+
+
+def _tilted(rng: np.random.Generator, gates: tuple[Gate, ...], tilt: float) -> tuple[Gate, ...]:
+    """Gates rolled and pitched by up to `tilt` [rad] each."""
+    if tilt == 0:
+        return gates
+    turns = rng.uniform(-tilt, tilt, (len(gates), 2)).round(3).tolist()
+    return tuple(
+        dataclasses.replace(gate, roll=roll, pitch=pitch) for gate, (roll, pitch) in zip(gates, turns, strict=True)
+    )
 
 
 def _gates(rng: np.random.Generator, number: int, difficulty: float) -> tuple[Gate, ...]:

@@ -4,11 +4,8 @@ A track file has `name`, optionally `laps`, `frame_width`, `leave_distance` and 
 for each gate in the order of flight; `docs/tracks.md` describes every key.
 """
 
-import difflib
 import math
-import os
 import re
-import tomllib
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
@@ -20,17 +17,15 @@ from cruise.files import write_whole
 from cruise.presets import TRACKS
 from cruise.racing import track_geometry as geometry
 from cruise.racing import track_schema as schema
+from cruise.toml_file import FileKind, StrPath, read_toml, reason, refuse
 
-StrPath = str | os.PathLike[str]
-
-MAX_BYTES = 1_000_000
 MARGIN = 10.0  # of the default bounds around the openings [m]
 LEAVE_DISTANCE = 10.0  # smallest default of `leave_distance` [m]
 FRAME_WIDTH = 0.3  # default [m]
 SIZE = 2.0  # default width and height of an opening [m]
 LAPS = 3  # default
 RANDOM = "random"  # the name that stands for tracks drawn at random
-SHOWN_FAULTS = 3  # how many faults an error names
+KIND = FileKind("track", TRACKS)
 
 _POINT = re.compile(r"\[\n +(\S+),\n +(\S+),\n +(\S+),\n\]")  # as the writer spreads three numbers over lines
 
@@ -51,7 +46,7 @@ def load_track(name_or_path: StrPath) -> Track:
     if isinstance(name_or_path, str) and name_or_path in TRACKS:
         return TRACKS[name_or_path]
     document = read_document(name_or_path)
-    _refuse(document_faults(document), schema.shown(name_or_path))
+    refuse(document_faults(document), schema.shown(name_or_path), KIND.noun)
     return from_document(document)
 
 
@@ -78,11 +73,11 @@ def save_track(track: Track, path: StrPath) -> None:
         CruiseError: the track has faults, or the file cannot be written.
     """
     document = to_document(track)
-    _refuse(document_faults(document), f"track {schema.spell(track.name)}")
+    refuse(document_faults(document), f"track {schema.spell(track.name)}", KIND.noun)
     try:
         write_whole(path, _POINT.sub(r"[\1, \2, \3]", tomli_w.dumps(document)).encode())
     except (OSError, ValueError) as error:
-        raise CruiseError(f"{schema.shown(path)}: cannot be written: {_reason(error)}") from error
+        raise CruiseError(f"{schema.shown(path)}: cannot be written: {reason(error)}") from error
 
 
 def track_faults(track: Track) -> list[str]:
@@ -126,46 +121,8 @@ def _faults_among(document: schema.Table, gates: dict[int, Gate], bounded: bool)
 
 
 def read_document(path: StrPath) -> dict[str, Any]:
-    """Parse a TOML file.
-
-    Raises:
-        CruiseError: missing, not a regular file, too large, not UTF-8 or not TOML.
-    """
-    try:
-        if not os.path.isfile(path):
-            raise CruiseError(_not_a_file(path))
-        with open(path, "rb") as file:
-            content = file.read(MAX_BYTES + 1)
-    except CruiseError:
-        raise
-    except (OSError, ValueError) as error:
-        raise CruiseError(f"{schema.shown(path)}: cannot be read: {_reason(error)}") from error
-    return _parse(content, schema.shown(path))
-
-
-def _parse(content: bytes, place: str) -> dict[str, Any]:
-    if len(content) > MAX_BYTES:
-        raise CruiseError(f"{place}: too large for a track file: more than {MAX_BYTES} bytes")
-    try:
-        return tomllib.loads(content.decode("utf-8-sig"))
-    except UnicodeDecodeError as error:
-        raise CruiseError(f"{place}: not UTF-8 text: byte {error.start} cannot be read") from error
-    except (ValueError, RecursionError) as error:
-        raise CruiseError(f"{place}: not TOML: {_reason(error)}") from error
-
-
-def _not_a_file(path: StrPath) -> str:
-    """Why `path` is no file, or, where it looks like a name, no track."""
-    text = os.fspath(path)
-    if os.path.isdir(path):
-        return f"{schema.shown(path)}: is a directory, not a track file"
-    if os.path.exists(path):
-        return f"{schema.shown(path)}: is not a regular file"
-    if isinstance(path, os.PathLike) or text.endswith(".toml") or os.sep in text:
-        return f"{schema.shown(path)}: no such track file"
-    close = difflib.get_close_matches(text.lower().replace("_", "-"), TRACKS, n=1)
-    hint = f"did you mean {close[0]!r}? " if close else ""
-    return f"unknown track {schema.spell(text)}: {hint}built-in tracks: {', '.join(TRACKS)}; or give a TOML file's path"
+    """Parse a TOML file. Raises CruiseError where it is missing, not a regular file, too large or not TOML."""
+    return read_toml(path, KIND)
 
 
 def to_document(track: Track) -> dict[str, Any]:
@@ -224,15 +181,3 @@ def _bounds(document: schema.Table, gates: Iterable[Gate]) -> tuple[Vec3, Vec3]:
 def _vec3(values: Sequence[float]) -> Vec3:
     x, y, z = (float(value) for value in values)
     return x, y, z
-
-
-def _refuse(faults: list[str], place: str) -> None:
-    if faults:
-        rest = len(faults) - SHOWN_FAULTS
-        more = [f"and {rest} more (see `cruise tracks check`)"] if rest > 0 else []
-        raise CruiseError(f"{place}: {'; '.join([*faults[:SHOWN_FAULTS], *more])}")
-
-
-def _reason(error: Exception) -> str:
-    text = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-    return " ".join(text.split())

@@ -1,61 +1,24 @@
 """What may stand in a track file: its keys, and what each one's value must be. Plain Python: no JAX."""
 
-import difflib
-import math
-import os
-from collections.abc import Callable, Iterator, Mapping
-from typing import Any
+from collections.abc import Iterator, Mapping
 
-Table = Mapping[str, Any]
-Check = Callable[[object], str]  # says what is wrong with a value; "" when nothing is
+from cruise import toml_file
+from cruise.toml_file import LIMIT, Check, Table, label, not_negative, number, positive, shown, spell
 
-LIMIT = 10_000.0  # largest coordinate or length: float32 still resolves a millimetre there [m]
+__all__ = ["LIMIT", "Check", "Table", "label", "not_negative", "number", "positive", "shown", "spell"]
+
 MAX_LAPS = 1000
 MAX_GATES = 200
 
 
-def number(value: object) -> str:
-    """Fault of a value that must be a finite number within +-LIMIT."""
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return f"must be a number, got {spell(value)}"
-    if isinstance(value, float) and not math.isfinite(value):
-        return f"must be finite, got {value}"
-    return "" if abs(value) <= LIMIT else f"must lie within -{LIMIT:g} and {LIMIT:g}, got {spell(value)}"
-
-
-def positive(value: object) -> str:
-    """Fault of a value that must be a number above 0."""
-    return number(value) or ("" if value > 0 else f"must be greater than 0, got {value}")  # type: ignore[operator]
-
-
-def not_negative(value: object) -> str:
-    """Fault of a value that must be a number of at least 0."""
-    return number(value) or ("" if value >= 0 else f"must be at least 0, got {value}")  # type: ignore[operator]
-
-
 def point(value: object) -> str:
     """Fault of a value that must be three coordinates."""
-    if not isinstance(value, list):
-        return f"must be three numbers [x, y, z], got {spell(value)}"
-    if len(value) != len("xyz"):
-        return f"must be three numbers [x, y, z], got {len(value)} of them"
-    faults = ((axis, number(coordinate)) for axis, coordinate in zip("xyz", value, strict=True))
-    return "; ".join(f"{axis} {fault}" for axis, fault in faults if fault)
+    return toml_file.numbers(value, "xyz")
 
 
 def laps(value: object) -> str:
     """Fault of a value that must be a number of laps."""
-    if isinstance(value, bool) or not isinstance(value, int):
-        return f"must be a whole number, got {spell(value)}"
-    return "" if 1 <= value <= MAX_LAPS else f"must be 1 to {MAX_LAPS}, got {spell(value)}"
-
-
-def label(value: object) -> str:
-    """Fault of a value that must be a track's name."""
-    if not isinstance(value, str):
-        return f"must be text in quotes, got {spell(value)}"
-    sound = value.strip() and value.isprintable()
-    return "" if sound else f"must be printable text that is not blank, got {spell(value)}"
+    return toml_file.whole(value, 1, MAX_LAPS)
 
 
 def anything(value: object) -> str:
@@ -89,16 +52,7 @@ REQUIRED = {
 
 def key_faults(table: Table, keys: Mapping[str, Check]) -> Iterator[str]:
     """Unknown keys, missing keys and unsuitable values of one table, one text each."""
-    for key in table:
-        if key not in keys:
-            close = difflib.get_close_matches(str(key), keys, n=1)
-            hint = f"did you mean {close[0]!r}?" if close else f"known are {', '.join(keys)}"
-            yield f"unknown key {spell(key)}; {hint}"
-    for key, check in keys.items():
-        if key not in table and key in REQUIRED:
-            yield f"{key} is missing: {REQUIRED[key]}"
-        elif key in table and (text := check(table[key])):
-            yield f"{key} {text}"
+    return toml_file.key_faults(table, keys, REQUIRED)
 
 
 def gate_faults(gate: object) -> list[str]:
@@ -137,22 +91,3 @@ def gates_fault(gates: object) -> str:
     if not gates:
         return "no gates: a track needs at least one [[gates]]"
     return "" if len(gates) <= MAX_GATES else f"{len(gates)} gates are too many: at most {MAX_GATES}"
-
-
-def shown(path: str | os.PathLike[str]) -> str:
-    """How a message shows a path."""
-    text = os.fspath(path)
-    return text if text and text.isprintable() else ascii(text)
-
-
-def spell(value: object) -> str:
-    """How a message shows a value of the file: its kind, and the value where that is short."""
-    kinds = {dict: "a table", list: "an array", type(None): "nothing"}
-    if type(value) in kinds:
-        return kinds[type(value)]
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, int) and abs(value) > 10**15:
-        return "a huge number"
-    text = ascii(value) if isinstance(value, str) else str(value)
-    return text if len(text) <= 60 else f"{text[:57]}..."

@@ -1,12 +1,16 @@
-"""Smooth ways from one gate to the next, tangent to both normals. Plain NumPy: computed once per track."""
+"""Smooth ways from one gate to the next, tangent to both normals, around solids. NumPy: computed once per track."""
 
+import functools
+import itertools
 import math
 from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 
+from cruise import geometry
 from cruise.config import Gate, Track
+from cruise.racing.detours import Site, site_of, via_points
 
 SAMPLES = 800  # of every way, where nobody asks for fewer
 STRETCH = np.linspace(0.9, 1.5, 13)  # lengths of a spline's end tangents that are tried, over the straight distance
@@ -37,13 +41,24 @@ class Way(NamedTuple):
 
 
 def ways(track: Track) -> list[Way]:
-    """From every gate to the next, the last one back to the first."""
-    gates = track.gates
-    return [way_between(a, b, track.frame_width) for a, b in zip(gates, gates[1:] + gates[:1], strict=True)]
+    """From every gate to the next, the last one back to the first; around poles and walls where that can be."""
+    gates, site = track.gates, site_of(track)
+    return [way_around(site, a, b, track.frame_width) for a, b in zip(gates, gates[1:] + gates[:1], strict=True)]
+
+
+def way_around(site: Site, a: Gate, b: Gate, frame_width: float) -> Way:
+    """The way between two gates, by places beside solids where it would come too near to one.
+
+    Where no way is clear it is the one that knows of no solids.
+    """
+    connect = functools.cache(functools.partial(way_between, frame_width=frame_width))
+    vias = via_points(site, a, b, lambda p, q: connect(p, q).point_w)
+    parts = [connect(p, q) for p, q in itertools.pairwise((a, *(vias or ()), b))]
+    return Way(*(np.concatenate(rows) for rows in zip(*parts, strict=True)))
 
 
 def way_between(a: Gate, b: Gate, frame_width: float, samples: int = SAMPLES) -> Way:
-    """A cubic spline where it bends little enough, else arcs and a straight."""
+    """A cubic spline where it bends little enough, else arcs and a straight; a spline through gates that pitch."""
     spline = bent_least(a, b, samples)
     if spline is not None:
         return spline
@@ -57,7 +72,8 @@ def bent_least(a: Gate, b: Gate, samples: int = SAMPLES) -> Way | None:
         return None
     splines = hermite(a, b, STRETCH, samples)
     bent = splines.curvature.max(axis=-1) <= SHARPEST
-    flyable = bent & (_slope(splines) <= STEEPEST)
+    tilted = bool(a.pitch or b.pitch)  # is flown through along its normal, however steep that is
+    flyable = bent | (not bent.any()) if tilted else bent & (_slope(splines) <= STEEPEST)
     if not flyable.any():
         return None
     least = int(np.where(flyable, _bending_energy(splines), np.inf).argmin())
@@ -68,7 +84,7 @@ def hermite(a: Gate, b: Gate, stretch: np.ndarray, samples: int = SAMPLES) -> Wa
     """Cubic Hermite splines whose end tangents are the normals times each `stretch` times the straight distance."""
     p0, p1 = np.array(a.position_w), np.array(b.position_w)
     pull = stretch[:, None, None] * math.dist(a.position_w, b.position_w)
-    m0, m1 = pull * _normal(a.yaw), pull * _normal(b.yaw)
+    m0, m1 = pull * normal_of(a), pull * normal_of(b)
     u = np.linspace(0.0, 1.0, samples)[:, None]
     point = (2 * u**3 - 3 * u**2 + 1) * p0 + (u**3 - 2 * u**2 + u) * m0
     point = point + (3 * u**2 - 2 * u**3) * p1 + (u**3 - u**2) * m1
@@ -153,8 +169,10 @@ def _follow(a: Gate, turns: _Turns, radius: float, s: np.ndarray) -> tuple[np.nd
     return x, y, heading
 
 
-def _normal(yaw: float) -> np.ndarray:
-    return np.array([math.cos(yaw), math.sin(yaw), 0.0])
+def normal_of(gate: Gate) -> np.ndarray:
+    """The direction [3] in which a gate is flown."""
+    tilt = geometry.tilt_of(gate.roll, gate.pitch)
+    return np.array(geometry.from_gate(geometry.heading_of(gate.yaw), (1.0, 0.0, 0.0), tilt))
 
 
 def _slope(way: Way) -> np.ndarray:

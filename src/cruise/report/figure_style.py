@@ -1,27 +1,26 @@
-"""One look for all figures of a report: colours of methods, axes, and how a figure becomes SVG."""
+"""One look for all figures: axes, letters, and how a figure becomes a PNG picture.
 
+A figure is built and written inside `our_look`: the settings of the user's own matplotlibrc do not reach it, and
+the names that people gave to tracks and pilots are written as they are: to Matplotlib "$...$" is a formula.
+"""
+
+import contextlib
 import io
-from collections.abc import Sequence
+import warnings
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import matplotlib as mpl
+import matplotlib.style
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from cruise.palette import BLACK, BLUE, FAINT, GREEN, GRID, INK, ORANGE, PINK, SKY, VERMILION
+
+__all__ = ["BLACK", "BLUE", "FAINT", "GREEN", "GRID", "INK", "ORANGE", "PINK", "SKY", "VERMILION"]
+
 Style = dict[str, Any]
 
-INK, FAINT, GRID = "#222222", "#8a8a8a", "#e6e6e6"
-# Okabe and Ito's colours, distinct to colour-blind eyes; markers tell series apart in black and white.
-BLUE, ORANGE, GREEN, PINK, SKY, VERMILION, BLACK = (
-    "#0072B2",
-    "#E69F00",
-    "#009E73",
-    "#CC79A7",
-    "#56B4E9",
-    "#D55E00",
-    "#000000",
-)
-MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 RC: Any = {  # its stub knows literal keys alone
     "font.size": 10.0,
     "axes.edgecolor": "#666666",
@@ -29,9 +28,16 @@ RC: Any = {  # its stub knows literal keys alone
     "text.color": INK,
     "xtick.color": INK,
     "ytick.color": INK,
-    "svg.hashsalt": "cruise",  # the same figure gives the same file
-    "svg.fonttype": "path",
+    "text.parse_math": False,
 }
+
+
+@contextlib.contextmanager
+def our_look() -> Iterator[None]:
+    """Matplotlib as it comes, with `RC`; also a decorator. Artists keep what was set when they were made."""
+    with mpl.style.context(["default", RC]), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Glyph .* missing from font", UserWarning)  # drawn as a box, and that is all
+        yield
 
 
 def new_figure(width: float, height: float) -> Figure:
@@ -39,18 +45,11 @@ def new_figure(width: float, height: float) -> Figure:
     return Figure(figsize=(width, height), layout="constrained", facecolor="white")
 
 
-def to_svg(figure: Figure) -> str:
-    """The figure as SVG text, the same for the same figure."""
-    buffer = io.StringIO()
-    with mpl.rc_context(RC):
-        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
-    return buffer.getvalue()
-
-
 def to_png(figure: Figure) -> bytes:
     """The figure as a PNG picture, the same for the same figure."""
     buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=110, metadata={"Software": None})
+    with our_look():
+        figure.savefig(buffer, format="png", dpi=110, metadata={"Software": None})
     return buffer.getvalue()
 
 

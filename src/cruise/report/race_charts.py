@@ -5,8 +5,12 @@ from itertools import pairwise
 import numpy as np
 from matplotlib.axes import Axes
 
+from cruise.evaluation.metrics import overtakes
 from cruise.palette import drone_colour as colour
-from cruise.report.race_scene import FAINT, START_WIDTH, Scene, Style, crashes, flown, style, tidy
+from cruise.racing.shapes import opening
+from cruise.report.figure_style import FAINT, Style, tidy
+from cruise.report.race_scene import START_WIDTH, Scene, crashes, flown, style
+from cruise.storage.log_track import gates_of
 
 
 def draw_gaps(axes: Axes, scene: Scene) -> None:
@@ -17,7 +21,7 @@ def draw_gaps(axes: Axes, scene: Scene) -> None:
     number = np.arange(1, crossings.shape[1] + 1)
     for drone in range(scene.log.num_drones):
         axes.plot(number, gaps[drone], marker="o", markersize=3.5, linewidth=1.6, **style(drone))
-    for drone, crossing in _overtakers(crossings):
+    for drone, crossing in sorted({(one.drone, one.crossing) for one in overtakes(scene.log)}):
         ring: Style = {"markerfacecolor": "none", "markeredgecolor": colour(drone), "markeredgewidth": 1.6}
         axes.plot(number[crossing], gaps[drone, crossing], "o", markersize=11, **ring)
     for drone, sample in crashes(scene.log):
@@ -26,15 +30,7 @@ def draw_gaps(axes: Axes, scene: Scene) -> None:
         axes.plot(*place, "X", markersize=10, color=colour(drone), markeredgecolor="white")
     largest = max(0.5, float(np.fmax.reduce(gaps, axis=None)) if np.isfinite(gaps).any() else 0.0)
     axes.set_ylim(1.08 * largest, -0.1 * largest)
-    tidy(axes, "Behind the first at every gate (rings: just overtook; crosses: collisions)", "gap [s]")
-
-
-def _overtakers(crossings: np.ndarray) -> list[tuple[int, int]]:
-    """Drones that were behind another at a crossing and before it at the next, with that crossing."""
-    behind = crossings[:, None] - crossings[None]  # > 0 where the first drone is behind the second
-    passed = (behind[..., :-1] > 0) & (behind[..., 1:] < 0)
-    drones, crossing = np.nonzero(passed.any(axis=1))
-    return list(zip(drones.tolist(), (crossing + 1).tolist(), strict=True))
+    tidy(axes, "Behind the first at every gate (rings: just overtook; crosses: collisions)", ylabel="gap [s]")
 
 
 def draw_speeds(axes: Axes, scene: Scene) -> None:
@@ -42,19 +38,20 @@ def draw_speeds(axes: Axes, scene: Scene) -> None:
     speed = np.linalg.norm(scene.log.velocity_w, axis=2)
     _over_gates(axes, scene, speed)
     axes.set_ylim(0.0, max(1.0, 1.05 * float(speed.max())))
-    tidy(axes, "Speed", "[m/s]")
+    tidy(axes, "Speed", ylabel="[m/s]")
 
 
 def draw_heights(axes: Axes, scene: Scene) -> None:
     """Heights, and the openings of the gates as bars."""
     log = scene.log
+    heights = [opening(gate)[:, 2] for gate in gates_of(log)]
+    ends = [(float(rim.min()), float(rim.max())) for rim in heights]
     for crossing in range(log.gates_to_finish):
         gate = (log.next_gate[0, 0] + crossing) % log.num_gates
-        centre, half = log.gate_position[gate, 2], log.gate_size[gate, 1] / 2
-        opening = [max(centre - half, 0.0), centre + half]
-        axes.plot([crossing + 1] * 2, opening, color="#cfcfcf", linewidth=5, solid_capstyle="butt")
+        low, high = ends[gate]
+        axes.plot([crossing + 1] * 2, [max(low, 0.0), high], color="#cfcfcf", linewidth=5, solid_capstyle="butt")
     _over_gates(axes, scene, log.position_w[..., 2])
-    tidy(axes, "Height (bars: openings of the gates)", "z [m]")
+    tidy(axes, "Height (bars: openings of the gates)", ylabel="z [m]")
 
 
 def _over_gates(axes: Axes, scene: Scene, values: np.ndarray) -> None:

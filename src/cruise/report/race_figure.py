@@ -5,18 +5,22 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
+from cruise.palette import GATE, SOLID
 from cruise.palette import drone_colour as colour
+from cruise.racing.shapes import footprint, opening
+from cruise.racing.ways import normal_of
 from cruise.report import race_charts as charts
-from cruise.report.figure_style import to_png
-from cruise.report.race_scene import INK, Scene, Style, crashes, flown, make_scene, style, tidy
+from cruise.report.figure_style import INK, Style, our_look, tidy, to_png
+from cruise.report.race_scene import Scene, crashes, flown, make_scene, style
+from cruise.storage.log_track import gates_of, solids_of
 from cruise.storage.race_log import RaceLog
 
-GATE = "#444444"
 MARKS = 8  # about so many time marks on the last lap
 ROUND_SECONDS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0)
 HALO = [withStroke(linewidth=2.5, foreground="white")]  # keeps writing readable on lines
 
 
+@our_look()
 def draw_race(log: RaceLog) -> bytes:
     """A PNG picture: top view, gaps, speeds and heights over the gates of the race, and the result."""
     scene = make_scene(log)
@@ -55,30 +59,28 @@ def _top_view(axes: Axes, scene: Scene) -> None:
     for drone, sample in crashes(log):
         x, y = log.position_w[sample, drone, :2]
         axes.plot(x, y, "X", markersize=12, color=colour(drone), markeredgecolor="white", zorder=6)
-    _gates_from_above(axes, log)
-    tidy(axes, f"Seen from above (rings: start; dots: every {seconds:g} s at the end; crosses: collisions)", "y [m]")
-    axes.set_xlabel("x [m]")
+    _track_from_above(axes, log)
+    title = f"Seen from above (rings: start; dots: every {seconds:g} s at the end; crosses: collisions)"
+    tidy(axes, title, "x [m]", "y [m]")
     axes.set_aspect("equal", adjustable="datalim")
     axes.margins(0.08)
 
 
-def _gates_from_above(axes: Axes, log: RaceLog) -> None:
-    """Openings as bars, an arrow in the direction of flight, the gate's number on the side away from the middle."""
+def _track_from_above(axes: Axes, log: RaceLog) -> None:
+    """Poles and walls; openings as they are seen from above, as bars where they stand upright; gates' numbers."""
+    for solid in solids_of(log):
+        axes.fill(*footprint(solid).T, facecolor=SOLID, edgecolor=GATE, linewidth=0.6, zorder=3)
     middle = log.gate_position[:, :2].mean(axis=0)
-    gates = zip(log.gate_position, log.gate_yaw, log.gate_size, strict=True)
-    for number, (centre, yaw, size) in enumerate(gates, start=1):
-        forward, side = np.array([np.cos(yaw), np.sin(yaw)]), np.array([-np.sin(yaw), np.cos(yaw)])
-        ends = np.stack([centre[:2] - side * size[0] / 2, centre[:2] + side * size[0] / 2])
-        axes.plot(*ends.T, color=GATE, linewidth=4, solid_capstyle="butt", zorder=4)
-        axes.annotate(
-            "",
-            xy=centre[:2] + 1.1 * forward,
-            xytext=centre[:2] + 0.1 * forward,
-            arrowprops={"arrowstyle": "-|>", "color": GATE, "linewidth": 1.2},
-            zorder=4,
-        )
-        outward = side if side @ (centre[:2] - middle) >= 0 else -side
-        place = centre[:2] + outward * (size[0] / 2 + 0.8)
+    for number, gate in enumerate(gates_of(log), start=1):
+        centre, forward = np.array(gate.position_w[:2]), normal_of(gate)[:2]
+        rim = opening(gate)[:, :2]
+        axes.fill(*rim.T, facecolor="none", edgecolor=GATE, linewidth=4 if gate.pitch == 0 else 2, zorder=4)
+        arrow = {"arrowstyle": "-|>", "color": GATE, "linewidth": 1.2}
+        ends = (tuple((centre + share * forward).tolist()) for share in (1.1, 0.1))
+        axes.annotate("", *ends, arrowprops=arrow, zorder=4)
+        side = np.array([-np.sin(gate.yaw), np.cos(gate.yaw)])
+        outward = side if side @ (centre - middle) >= 0 else -side
+        place = centre + outward * (float(np.abs((rim - centre) @ side).max()) + 0.8)
         axes.text(place[0], place[1], str(number), ha="center", va="center", fontsize=12, fontweight="bold", color=GATE)
         axes.update_datalim([place])
 

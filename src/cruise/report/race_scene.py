@@ -1,20 +1,17 @@
 """What the panels of a race's picture share: the race seen as progress, and how drones are drawn."""
 
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from matplotlib.axes import Axes
 
-from cruise.evaluation.metrics import RaceResult, crossing_times, race_result
+from cruise.evaluation.metrics import RaceResult, crash_times, crossing_times, race_result
 from cruise.palette import DRONE_COLOURS
 from cruise.palette import drone_colour as colour
-from cruise.storage.race_log import COLLISIONS, EVENT_KINDS, RaceLog
-
-Style = dict[str, Any]
+from cruise.report.figure_style import Style
+from cruise.storage.race_log import RaceLog
 
 DASHES = ("-", "--", ":")  # tell drones of the same colour apart
-INK, FAINT = "#222222", "#9a9a9a"
 START_WIDTH = 0.6  # of the way to the first gate, which is shorter than the others, in gates
 
 
@@ -63,15 +60,5 @@ def flown(scene: Scene, drone: int) -> slice:
 
 def crashes(log: RaceLog) -> Iterator[tuple[int, int]]:
     """Drones that collided, each with its last sample."""
-    kinds = np.isin(log.event_kind, [EVENT_KINDS.index(name) for name in COLLISIONS])
-    for drone in np.unique(log.event_drone[kinds]).tolist():
+    for drone in np.flatnonzero(np.isfinite(crash_times(log))).tolist():
         yield drone, min(int(log.airborne[:, drone].sum()), len(log.time) - 1)
-
-
-def tidy(axes: Axes, title: str, label: str) -> None:
-    """Title, label and a quiet grid."""
-    axes.set_title(title, loc="left", fontsize=11, color=INK)
-    axes.set_ylabel(label)
-    axes.grid(color="#e6e6e6", linewidth=0.8)
-    axes.set_axisbelow(True)
-    axes.spines[["top", "right"]].set_visible(False)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from cruise.report.figure_style import BLUE, FAINT, ORANGE, legend_below, new_figure, tidy
+from cruise.report.figure_style import BLUE, FAINT, ORANGE, legend_below, new_figure, our_look, tidy
 
 if TYPE_CHECKING:
     from cruise.evaluation.robustness import Point
@@ -16,6 +16,7 @@ COLUMNS = 4
 FULL = "#f2f2f2"  # the band within the full randomisation
 
 
+@our_look()
 def draw_robustness(points: "Sequence[Point]", title: str) -> Figure:
     """A panel per kind, success on the left axis and the flying lap on the right; shaded is the full randomisation."""
     nominal, *others = points

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from cruise.report.figure_style import to_png
+from cruise.report.figure_style import BLUE, VERMILION, our_look, to_png
 from cruise.storage.atomic import write_atomically
 
 # (row key, title, unit); evaluations are drawn as points joined by lines, rollouts as lines
@@ -20,11 +20,12 @@ PANELS = (
     ("terminated", "Crashes per 1000 steps", ""),
     ("policy/std", "Standard deviation of actions", ""),
 )
-COLOURS = ("#0072B2", "#D55E00")  # blue and vermilion of Okabe and Ito, distinct to colour-blind eyes
+COLOURS = (BLUE, VERMILION)
 
 
+@our_look()
 def draw_training(rows: Sequence[dict[str, Any]], title: str, path: Path) -> None:
-    """Write a picture of a run's metrics (`cruise.training.session.read_metrics`), stages shaded, to `path`."""
+    """Write a picture of a run's metrics (`cruise.training.metrics_log.read_metrics`), stages shaded, to `path`."""
     figure = Figure(figsize=(12, 7), layout="constrained")
     figure.suptitle(title)
     for axes, (key, name, unit) in zip(figure.subplots(2, 3, sharex=True).flat, PANELS, strict=True):

@@ -8,6 +8,7 @@ from typing import Any, TypeVar, get_origin
 
 import cattrs
 
+from cruise.config import Vehicle
 from cruise.errors import CruiseError
 from cruise.storage.atomic import read_bytes, write_atomically
 
@@ -103,6 +104,11 @@ def _flag(value: Any, _: Any) -> bool:
     return value
 
 
+def _named_or_whole(converter: cattrs.Converter, value: Any) -> str | Vehicle:
+    """A vehicle by the name of its preset, or by all of its numbers."""
+    return value if isinstance(value, str) else converter.structure(value, Vehicle)
+
+
 def _plain_number(value: float) -> float | str:
     return str(value) if math.isinf(value) else value
 
@@ -136,6 +142,7 @@ def _converter() -> cattrs.Converter:
     for kind, hook in ((int, _integer), (float, _number), (str, _text), (bool, _flag)):
         converter.register_structure_hook(kind, hook)
     converter.register_unstructure_hook(float, _plain_number)
+    converter.register_structure_hook(str | Vehicle, lambda value, _: _named_or_whole(converter, value))
     return converter
 
 

@@ -8,16 +8,15 @@ from typing import Any, Literal
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from cruise.dynamics.quadrotor import hovering_collective
 from cruise.env.observation import FOR_ANY_FIELD
 from cruise.errors import CruiseError, one_line
 from cruise.extras import import_extra
 from cruise.pilots.foreign import ForeignPilot
 from cruise.pilots.view import View
-from cruise.presets import VEHICLES
 from cruise.storage.atomic import read_bytes
 from cruise.storage.config_file import from_json
 from cruise.storage.policy_file import PolicyMeta
+from cruise.vehicles import find_vehicle
 
 FORMAT_VERSION = 1
 METADATA = "cruise"  # key of the contract in the model's metadata
@@ -202,6 +201,5 @@ class _Whole(_Network):
 
 
 def first_action(meta: PolicyMeta) -> tuple[float, ...]:
-    """What counts as the action before the first: the one that hovers, or none at all."""
-    vehicle = VEHICLES[meta.vehicle]
-    return (0.0,) * 3 if vehicle.airframe is None else (hovering_collective(vehicle), 0.0, 0.0, 0.0)
+    """What counts as the action before the first: the one that hovers."""
+    return find_vehicle(meta.vehicle).action.neutral

@@ -11,20 +11,21 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from cruise.config import ObservationKind, Track
+from cruise.config import ObservationKind, Track, Vehicle
 from cruise.errors import CruiseError
-from cruise.pilots.network import ActorCritic
+from cruise.pilots.network import ActorCritic, NetworkShape
 from cruise.pilots.neural import NeuralPilot
-from cruise.presets import VEHICLES
 from cruise.racing.track_file import RANDOM, track_faults
 from cruise.storage import policy_paths, tensors
 from cruise.storage.atomic import read_bytes, write_atomically
 from cruise.storage.config_file import from_json, to_json
 from cruise.storage.policy_paths import StrPath, find_policy, stem_of, with_ending
+from cruise.vehicles import VEHICLES, name_of, vehicle_faults
 
 FORMAT_VERSION = 2  # 1: an extended observation in which opponents did not fade with distance
 MAX_WIDTH = 65_536  # of a layer
 STORED = np.float32  # whatever JAX computes with
+USUAL_VEHICLE = "paper"  # where nobody names another
 
 
 @dataclass(frozen=True)
@@ -34,7 +35,7 @@ class PolicyMeta:
     name: str
     track: str
     drones: int  # in the races it was trained for
-    vehicle: str  # name of the preset
+    vehicle: str | Vehicle  # name of the preset, or all numbers of a vehicle of one's own
     observation: ObservationKind
     agility: float  # scale of its actions
     steps: int  # environment steps of the active drone in training
@@ -49,15 +50,6 @@ class PolicyMeta:
     def all_steps(self) -> int:
         """Environment steps of the active drone since its networks were random."""
         return self.steps_before + self.steps
-
-
-@dataclass(frozen=True)
-class NetworkShape:
-    """Sizes of the networks' layers."""
-
-    observation_size: int
-    action_size: int
-    hidden: tuple[int, ...]
 
 
 @dataclass(frozen=True)
@@ -99,7 +91,7 @@ def save_policy(path: StrPath, params: ActorCritic, meta: PolicyMeta) -> Path:
     stem = stem_of(Path(path))
     where = f"policy {stem}"
     arrays = {name: _as_stored(np.asarray(leaf)) for name, leaf in _named(params).items()}
-    network = _shape_of(params)
+    network = params.shape
     _check_meta(meta, network, where)
     _check_params(arrays, network, where)
     data = tensors.encode(arrays)
@@ -164,17 +156,17 @@ def list_policies() -> dict[str, PolicyMeta]:
     return dict(sorted(metas.items(), key=lambda item: (item[1].track, item[1].drones, item[0])))
 
 
-def shipped_name(track: str, drones: int, vehicle: str = "paper") -> str:
+def shipped_name(track: str, drones: int, vehicle: str | Vehicle = USUAL_VEHICLE) -> str:
     """Name of the shipped policy of a track and a vehicle: `TRACK-DRONES` for the paper's, `VEHICLE-TRACK` for others.
 
     One that was trained alone is for a drone alone: it has met nobody. Then the one for several is VEHICLE-TRACK-field.
-    For a drone alone on a track for which there is none it is the one trained on random tracks.
+    For a drone alone on a track for which there is none it is the one trained on random tracks. For a vehicle that is
+    no preset none is shipped.
 
     Raises:
         CruiseError: there is none; it names those there are.
     """
-    names = [f"{track}-{drones}" if vehicle == "paper" else f"{vehicle}-{track}"]
-    names.append(f"{vehicle}-{RANDOM}" if drones == 1 else f"{vehicle}-{track}-field")
+    names = [] if isinstance(vehicle, Vehicle) else _names(track, drones, vehicle)
     there = [name for name in names if with_ending(policy_paths.SHIPPED / name, ".json").is_file()]
     name = next((name for name in there if drones == 1 or read_meta(name).drones > 1), None)
     if name is None:
@@ -186,27 +178,25 @@ def shipped_name(track: str, drones: int, vehicle: str = "paper") -> str:
     return name
 
 
-def _asked(track: str, drones: int, vehicle: str) -> str:
-    other = "" if vehicle == "paper" else f" and vehicle {vehicle!r}"
+def _names(track: str, drones: int, vehicle: str) -> list[str]:
+    first = f"{track}-{drones}" if vehicle == USUAL_VEHICLE else f"{vehicle}-{track}"
+    return [first, f"{vehicle}-{RANDOM}" if drones == 1 else f"{vehicle}-{track}-field"]
+
+
+def _asked(track: str, drones: int, vehicle: str | Vehicle) -> str:
+    other = "" if vehicle == USUAL_VEHICLE else f" and vehicle {name_of(vehicle)!r}"
     return f"track {track!r} with {drones} drone{'s' * (drones != 1)}{other}"
 
 
 def _template(network: NetworkShape) -> ActorCritic:
     """The networks as shapes."""
-    sizes = (network.observation_size, network.action_size, network.hidden)
-    shapes = eqx.filter_eval_shape(ActorCritic, *sizes, 0.0, jax.random.key(0))
+    shapes = eqx.filter_eval_shape(ActorCritic, network, 0.0, jax.random.key(0))
     return jax.tree.map(lambda leaf: jax.ShapeDtypeStruct(leaf.shape, STORED), shapes)
 
 
 def _as_stored(array: np.ndarray) -> np.ndarray:
     """What was trained in double precision is rounded."""
     return array.astype(STORED) if array.dtype == np.float64 else array
-
-
-def _shape_of(params: ActorCritic) -> NetworkShape:
-    layers = params.actor.layers
-    hidden = tuple(int(layer.out_features) for layer in layers[:-1])
-    return NetworkShape(int(layers[0].in_features), int(layers[-1].out_features), hidden)
 
 
 def _named(params: Any) -> dict[str, Any]:
@@ -218,6 +208,8 @@ def _named(params: Any) -> dict[str, Any]:
 def _check_meta(meta: PolicyMeta, network: NetworkShape, where: str) -> None:
     sizes = {"drones": meta.drones, "observation_size": network.observation_size, "action_size": network.action_size}
     sizes |= {f"hidden[{i}]": size for i, size in enumerate(network.hidden)}
+    sizes |= {"memory_size": network.memory_size} if network.kind == "gru" else {}
+    sizes |= {"critic_observation_size": network.critic_observation_size} if network.critic_observation_size else {}
     for name, size in sizes.items():
         if not 1 <= size <= MAX_WIDTH:
             raise CruiseError(f"{where}: {name} must be from 1 to {MAX_WIDTH}, got {size}")
@@ -225,7 +217,10 @@ def _check_meta(meta: PolicyMeta, network: NetworkShape, where: str) -> None:
         raise CruiseError(f"{where}: agility must be above 0 and finite, got {meta.agility}")
     if meta.layout is not None and (faults := track_faults(meta.layout)):
         raise CruiseError(f"{where}: layout: {faults[0]}")
-    if meta.vehicle not in VEHICLES:
+    if isinstance(meta.vehicle, Vehicle):
+        for fault in vehicle_faults(meta.vehicle):
+            raise CruiseError(f"{where}: vehicle {meta.vehicle.name!r}: {fault}")
+    elif meta.vehicle not in VEHICLES:
         raise CruiseError(f"{where}: unknown vehicle {meta.vehicle!r}; vehicles: {', '.join(VEHICLES)}")
 
 

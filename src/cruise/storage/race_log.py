@@ -4,33 +4,20 @@ import dataclasses
 import io
 import zipfile
 import zlib
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from enum import IntEnum
 from pathlib import Path
 
 import numpy as np
 
 from cruise.errors import CruiseError, one_line
+from cruise.racing.events import COLLISIONS, EVENT_KINDS, EventKind
 from cruise.storage.atomic import read_bytes, write_atomically
 
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2  # 1: no tilt, shape and solids
 
 
-class EventKind(IntEnum):
-    """What can happen to a drone."""
-
-    CROSSING = 0
-    MISSED_GATE = 1
-    COLLISION_DRONE = 2
-    COLLISION_GROUND = 3
-    COLLISION_GATE_FRAME = 4
-    COLLISION_BOUNDS = 5
-    COLLISION_FLIP = 6
-    FINISH = 7
-
-
-EVENT_KINDS = tuple(kind.name.lower() for kind in EventKind)
-COLLISIONS = tuple(name for name in EVENT_KINDS if name.startswith("collision_"))
+__all__ = ["COLLISIONS", "EVENT_KINDS", "NOBODY", "EventKind", "RaceLog", "load_race_log"]
 NOBODY = -1  # in `event_gate` and `event_other`: none
 
 
@@ -60,7 +47,7 @@ class RaceLog:
     event_kind: np.ndarray  # [V] index into `event_kind_names`
     event_gate: np.ndarray  # [V] index of the gate concerned, or -1
     event_other: np.ndarray  # [V] the other drone of a collision between drones, or -1
-    event_kind_names: np.ndarray  # [8]
+    event_kind_names: np.ndarray  # [K] those of `cruise.racing.events`, in this program's order
     pilots: np.ndarray  # [N] names
     track: str
     vehicle: str
@@ -68,7 +55,22 @@ class RaceLog:
     control_dt: float  # s between two samples
     collision_distance: float  # m
     collision_aspect: float = 1.0  # height per width of the ellipsoid in which two drones collide; 1: a sphere
+    gate_roll: np.ndarray = None  # type: ignore[assignment]  # [G] about the normal, rad
+    gate_pitch: np.ndarray = None  # type: ignore[assignment]  # [G] of the normal below the horizon, rad
+    gate_shape: np.ndarray = None  # type: ignore[assignment]  # [G] rectangle or round
+    solid_kind: np.ndarray = None  # type: ignore[assignment]  # [S] pole, wall
+    solid_shape: np.ndarray = None  # type: ignore[assignment]  # [S] cylinder or box: what it fills of the upright box around it
+    solid_position: np.ndarray = None  # type: ignore[assignment]  # [S, 3] centres of those boxes, m
+    solid_yaw: np.ndarray = None  # type: ignore[assignment]  # [S] heading of their first side, rad
+    solid_size: np.ndarray = None  # type: ignore[assignment]  # [S, 3] length along it, width, height, m
     version: int = FORMAT_VERSION
+
+    def __post_init__(self) -> None:
+        """Where nothing is said of tilt, shapes and solids, gates are upright rectangles and nothing else stands."""
+        given = {name: getattr(self, name) for name in (*_SINCE, "gate_yaw")}
+        for name, value in given.items():
+            if value is None:
+                object.__setattr__(self, name, _SINCE[name](given))
 
     @property
     def num_drones(self) -> int:
@@ -101,11 +103,14 @@ def load_race_log(path: Path | str) -> RaceLog:
     """Read and check a race log. Raises CruiseError, naming the array at fault, where it is not a sound one."""
     where = f"race log {path}"
     arrays = _read(read_bytes(path, "race log"), where)
-    if "version" in arrays and arrays["version"].shape == () and arrays["version"] != FORMAT_VERSION:
-        raise CruiseError(f"{where}: format version {arrays['version']}, this program reads {FORMAT_VERSION}")
-    arrays = {name: np.asarray(value) for name, value in _SINCE.items()} | arrays
+    version = arrays.get("version")
+    if version is not None and version.shape == () and not 1 <= version <= FORMAT_VERSION:
+        raise CruiseError(f"{where}: format version {version}, this program reads up to {FORMAT_VERSION}")
+    if "gate_yaw" in arrays:
+        arrays = {name: np.asarray(absent(arrays)) for name, absent in _SINCE.items()} | arrays
     _check_arrays(arrays, where)
     _check_values(arrays, where)
+    arrays |= _of_this_program(arrays)
     scalars = {name: arrays[name].item() for name, (_, axes) in _LAYOUT.items() if axes == ""}
     return RaceLog(**{name: scalars.get(name, arrays[name]) for name in _LAYOUT})
 
@@ -130,7 +135,7 @@ _LAYOUT: dict[str, tuple[str, str]] = {
     "event_kind": ("i", "V"),
     "event_gate": ("i", "V"),
     "event_other": ("i", "V"),
-    "event_kind_names": ("U", "8"),
+    "event_kind_names": ("U", "K"),
     "pilots": ("U", "N"),
     "track": ("U", ""),
     "vehicle": ("U", ""),
@@ -138,10 +143,35 @@ _LAYOUT: dict[str, tuple[str, str]] = {
     "control_dt": ("f", ""),
     "collision_distance": ("f", ""),
     "collision_aspect": ("f", ""),
+    "gate_roll": ("f", "G"),
+    "gate_pitch": ("f", "G"),
+    "gate_shape": ("U", "G"),
+    "solid_kind": ("U", "S"),
+    "solid_shape": ("U", "S"),
+    "solid_position": ("f", "S3"),
+    "solid_yaw": ("f", "S"),
+    "solid_size": ("f", "S3"),
     "version": ("i", ""),
 }
-_SINCE = {"collision_aspect": 1.0}  # arrays that the first logs did not have, and what held there
+# Arrays that the first logs did not have, and what held there.
+_SINCE: dict[str, Callable[[Mapping[str, np.ndarray]], np.ndarray | float]] = {
+    "collision_aspect": lambda log: 1.0,
+    "gate_roll": lambda log: np.zeros(log["gate_yaw"].shape),
+    "gate_pitch": lambda log: np.zeros(log["gate_yaw"].shape),
+    "gate_shape": lambda log: np.full(log["gate_yaw"].shape, "rectangle"),
+    "solid_kind": lambda log: np.zeros(0, "U1"),
+    "solid_shape": lambda log: np.zeros(0, "U1"),
+    "solid_position": lambda log: np.zeros((0, 3)),
+    "solid_yaw": lambda log: np.zeros(0),
+    "solid_size": lambda log: np.zeros((0, 3)),
+}
 _KINDS = {"f": "floats", "i": "integers", "b": "booleans", "U": "text"}
+
+
+def _of_this_program(arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Kinds of event by this program's numbers, whatever they were when the log was written."""
+    kinds = np.array([EVENT_KINDS.index(name) for name in arrays["event_kind_names"].tolist()], np.int32)
+    return {"event_kind": kinds[arrays["event_kind"]], "event_kind_names": np.array(EVENT_KINDS)}
 
 
 # What NumPy and the standard library raise for an archive that is not one, is cut short, or holds pickles.
@@ -185,15 +215,16 @@ def _check_values(arrays: dict[str, np.ndarray], where: str) -> None:
     ranges = {
         "next_gate": (0, gates),
         "event_drone": (0, drones),
-        "event_kind": (0, len(EVENT_KINDS)),
+        "event_kind": (0, len(arrays["event_kind_names"])),
         "event_gate": (NOBODY, gates),
         "event_other": (NOBODY, drones),
     }
     for name, (low, high) in ranges.items():
         if ((arrays[name] < low) | (arrays[name] >= high)).any():
             raise CruiseError(f"{where}: array {name!r} holds numbers outside {low} .. {high - 1}")
-    if tuple(arrays["event_kind_names"].tolist()) != EVENT_KINDS:
-        raise CruiseError(f"{where}: array 'event_kind_names' is not {', '.join(EVENT_KINDS)}")
+    strange = [name for name in arrays["event_kind_names"].tolist() if name not in EVENT_KINDS]
+    if strange:
+        raise CruiseError(f"{where}: array 'event_kind_names' holds {strange[0]!r}; known are {', '.join(EVENT_KINDS)}")
     if (np.diff(arrays["time"]) <= 0).any():
         raise CruiseError(f"{where}: array 'time' does not ascend")
     times = arrays["event_time"]

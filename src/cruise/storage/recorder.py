@@ -1,16 +1,22 @@
 """From what a rollout flew to one race log per race, with events at interpolated times."""
 
 import dataclasses
+import functools
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Array
 
-from cruise.config import Track
+from cruise import geometry
+from cruise.config import Gate, Track
+from cruise.racing.events import COLLISION_KINDS, EVENT_KINDS, EventKind
+from cruise.racing.gates import Crossing
+from cruise.racing.solids import kind_of, outlines
 from cruise.rollout import Flight
-from cruise.storage.race_log import EVENT_KINDS, NOBODY, EventKind, RaceLog
+from cruise.storage.race_log import NOBODY, RaceLog
 
+Point = tuple[np.ndarray, ...]  # x, y, z
 Flags = np.ndarray | Array  # the flight's types are the environment's, its arrays NumPy's
 
 
@@ -104,7 +110,7 @@ def _gates_flown(flight: Flight, track: Track, race: np.ndarray) -> tuple[np.nda
 
 def track_arrays(track: Track) -> dict[str, Any]:
     """The fields of a log that its track decides."""
-    gates = track.gates
+    gates, solids = track.gates, list(outlines(track.obstacles))
     return {
         "track": track.name,
         "gate_position": np.array([gate.position_w for gate in gates], np.float64),
@@ -113,6 +119,14 @@ def track_arrays(track: Track) -> dict[str, Any]:
         "bounds": np.array([track.bounds_low, track.bounds_high], np.float64),
         "frame_width": track.frame_width,
         "leave_distance": track.leave_distance,
+        "gate_roll": np.array([gate.roll for gate in gates], np.float64),
+        "gate_pitch": np.array([gate.pitch for gate in gates], np.float64),
+        "gate_shape": np.array([gate.shape for gate in gates]),
+        "solid_kind": np.array([solid.kind for solid in solids], dtype=str),
+        "solid_shape": np.array([solid.shape for solid in solids], dtype=str),
+        "solid_position": np.array([solid.centre_w for solid in solids], np.float64).reshape(-1, 3),
+        "solid_yaw": np.array([solid.yaw for solid in solids], np.float64),
+        "solid_size": np.array([solid.size for solid in solids], np.float64).reshape(-1, 3),
     }
 
 
@@ -128,51 +142,102 @@ def _time(flight: Flight, step: np.ndarray) -> np.ndarray:
 
 def _all_events(flight: Flight, info: RaceInfo) -> _Events:
     """Events of all races, in order of race and time."""
-    crossing, collisions = flight.crossing, flight.collisions
-    finished = flight.finished[1:] & ~flight.finished[:-1]
-    parts = [
-        _at_target(flight, EventKind.CROSSING, crossing.passed),
-        _at_target(flight, EventKind.MISSED_GATE, crossing.missed & flight.airborne[:-1]),
-        _between_drones(flight, collisions.drone, info),
-        _at_end(flight, EventKind.COLLISION_GROUND, collisions.ground),
-        _at_frame(flight, collisions.gate_frame, info.track),
-        _at_end(flight, EventKind.COLLISION_BOUNDS, collisions.bounds),
-        _at_end(flight, EventKind.COLLISION_FLIP, collisions.flip),
-        _at_target(flight, EventKind.FINISH, finished),
-    ]
+    parts, gates = [_collisions(flight, info)], len(info.track.gates)
+    for ahead, crossing in enumerate(_crossings(flight)):
+        missed = np.asarray(crossing.missed) & flight.airborne[:-1]
+        parts.append(_at_gate(flight, EventKind.CROSSING, crossing.passed, ahead, gates))
+        parts.append(_at_gate(flight, EventKind.MISSED_GATE, missed, ahead, gates))
+        parts.append(_at_gate(flight, EventKind.FINISH, _finishes(flight, ahead), ahead, gates))
     events = _Events(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
     order = np.lexsort((events.drone, events.kind, events.time, events.race))
     return _Events(*(column[order] for column in events))
 
 
+def _crossings(flight: Flight) -> tuple[Crossing, ...]:
+    """Of the target gate and, where a step can reach so far, of those after it."""
+    return (flight.crossing, *flight.further)
+
+
+def _finishes(flight: Flight, ahead: int) -> np.ndarray:
+    """Whether a race was finished at the gate that lies so many after the target: the last one passed in the step."""
+    passed, *later = (np.asarray(crossing.passed) for crossing in _crossings(flight)[ahead:])
+    last = functools.reduce(np.logical_and, [~other for other in later], passed)
+    return np.asarray(flight.finished[1:] & ~flight.finished[:-1] & last)
+
+
+def _at_gate(flight: Flight, kind: EventKind, flags: Flags, ahead: int, gates: int) -> _Events:
+    """Events in the plane of the gate that lies so many after the target."""
+    crossing = _crossings(flight)[ahead]
+    hits = _hits(flags)
+    gate = (flight.next_gate[:-1][hits] + ahead) % gates
+    return _events(flight, kind, hits, np.asarray(crossing.fraction)[hits], gate=gate)
+
+
+def _collisions(flight: Flight, info: RaceInfo) -> _Events:
+    """Collisions of all kinds, but for those after the end of a drone's race within the same step."""
+    met = {kind: _hits(getattr(flight.collisions, kind.hit)) for kind in COLLISION_KINDS}
+    contacts = {kind: _contact(kind, flight, hits, info) for kind, hits in met.items() if len(hits.step)}
+    finished = flight.finished[1:] & ~flight.finished[:-1]
+    end = np.where(flight.airborne[1:] & ~finished, np.inf, np.where(finished, -1.0, 1.0))
+    for kind, contact in contacts.items():
+        np.minimum.at(end, met[kind], np.where(np.isinf(end[met[kind]]), np.inf, contact.fraction))
+    parts = [_no_events()]
+    for kind, contact in contacts.items():
+        before = contact.fraction <= end[met[kind]]
+        hits = _Hits(*(column[before] for column in met[kind]))
+        parts.append(_events(flight, kind, hits, *(column[before] for column in contact)))
+    return _Events(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+
+
+class _Contact(NamedTuple):
+    """When in its step each of some collisions happened, and with what."""
+
+    fraction: np.ndarray
+    gate: np.ndarray
+    other: np.ndarray
+
+
+def _contact(kind: EventKind, flight: Flight, hits: _Hits, info: RaceInfo) -> _Contact:
+    """In double precision; at the end of the step where the rules notice nothing sooner."""
+    row, nobody = np.arange(len(hits.step)), np.full(len(hits.step), NOBODY)
+    starts, ends = _segments(flight, hits)
+    start, end = (tuple(points[row, :, hits.drone].T) for points in (starts, ends))
+    gate, other, fraction = nobody, nobody, np.ones(len(row))
+    if kind == EventKind.COLLISION_DRONE:
+        other, fraction = _meet_drone(flight, hits, starts, ends, info)
+    elif kind == EventKind.COLLISION_GATE_FRAME:
+        gate, fraction = _meet_frame(flight, hits, start, end, info.track)
+    elif kind == EventKind.COLLISION_GROUND:
+        fraction = geometry.fall_below(start[2], end[2])
+    elif kind == EventKind.COLLISION_BOUNDS:
+        fraction = _leave_box(info.track, start, end)
+    else:
+        solids = [kind_of(solid) for solid in info.track.obstacles]
+        met = [
+            one.contact(one.column(solid), start, end)
+            for one, solid in zip(solids, info.track.obstacles, strict=True)
+            if one.name == kind.hit
+        ]
+        fraction = np.min([fraction, *met], axis=0)
+    return _Contact(np.minimum(fraction, 1.0), gate, other)
+
+
 def _events(
-    flight: Flight, kind: int, hits: _Hits, fraction: np.ndarray, gate: np.ndarray, other: np.ndarray
+    flight: Flight, kind: int, hits: _Hits, fraction: np.ndarray, gate: np.ndarray, other: np.ndarray | None = None
 ) -> _Events:
     time = _time(flight, hits.step + fraction.astype(np.float64))
+    other = np.full(len(time), NOBODY) if other is None else other
     columns = (np.full(len(time), kind), hits.drone, gate, other)
     return _Events(hits.race, time, *(np.asarray(column, np.int32) for column in columns))
 
 
+def _no_events() -> _Events:
+    none = np.zeros(0, np.int32)
+    return _Events(none, np.zeros(0), none, none, none, none)
+
+
 def _hits(flags: Flags) -> _Hits:
     return _Hits(*np.nonzero(flags))
-
-
-def _none(hits: _Hits) -> np.ndarray:
-    return np.full(len(hits.step), NOBODY)
-
-
-def _at_target(flight: Flight, kind: int, flags: Flags) -> _Events:
-    """Events in the plane of the target gate."""
-    hits = _hits(flags)
-    return _events(
-        flight, kind, hits, np.asarray(flight.crossing.fraction)[hits], flight.next_gate[:-1][hits], _none(hits)
-    )
-
-
-def _at_end(flight: Flight, kind: int, flags: Flags) -> _Events:
-    """Events that the rules notice at the end of a step."""
-    hits = _hits(flags)
-    return _events(flight, kind, hits, np.ones(len(hits.step)), _none(hits), _none(hits))
 
 
 def _segments(flight: Flight, hits: _Hits) -> tuple[np.ndarray, np.ndarray]:
@@ -182,62 +247,60 @@ def _segments(flight: Flight, hits: _Hits) -> tuple[np.ndarray, np.ndarray]:
     return start, end
 
 
-def _between_drones(flight: Flight, flags: Flags, info: RaceInfo) -> _Events:
-    """Collisions with the nearest drone of the step, when the two came within the collision distance."""
-    hits, distance = _hits(flags), info.collision_distance
-    wide = np.array([1.0, 1.0, 1 / info.collision_aspect])[:, None]
-    start, end = (points * wide for points in _segments(flight, hits))
-    row = np.arange(len(hits.step))
+def _meet_drone(
+    flight: Flight, hits: _Hits, start: np.ndarray, end: np.ndarray, info: RaceInfo
+) -> tuple[np.ndarray, np.ndarray]:
+    """The nearest drone of the step, and when the two came within the collision distance."""
+    row, wide = np.arange(len(hits.step)), np.array([1.0, 1.0, 1 / info.collision_aspect])[:, None]
+    start, end = start * wide, end * wide
     offset = start - start[row, :, hits.drone][:, :, None]
     motion = (end - end[row, :, hits.drone][:, :, None]) - offset
-    m2, om, o2 = ((a * b).sum(axis=1) for a, b in ((motion, motion), (offset, motion), (offset, offset)))
-    nearest = np.clip(-om / np.maximum(m2, 1e-12), 0.0, 1.0)
-    closest2 = o2 + 2 * nearest * om + nearest**2 * m2
+    offset, motion = offset.swapaxes(0, 1), motion.swapaxes(0, 1)  # [3, R, N]
+    nearest2 = geometry.distance2_at(offset, motion, geometry.nearest_fraction(offset, motion))
     possible = flight.airborne[:-1][hits.step, :, hits.race]
     possible[row, hits.drone] = False
-    other = np.where(possible, closest2, np.inf).argmin(axis=1)
-    m2, om, o2 = m2[row, other], om[row, other], o2[row, other]
-    root = np.sqrt(np.maximum(om**2 - m2 * (o2 - distance**2), 0.0))
-    fraction = np.where(o2 <= distance**2, 0.0, np.clip((-om - root) / np.maximum(m2, 1e-12), 0.0, 1.0))
-    return _events(flight, EventKind.COLLISION_DRONE, hits, fraction, _none(hits), other)
+    other = np.where(possible, nearest2, np.inf).argmin(axis=1)
+    # a verdict in single precision may be one by a hair
+    radius = np.maximum(info.collision_distance, np.sqrt(nearest2[row, other]) * (1 + 1e-12) + 1e-12)
+    return other, geometry.meet_sphere(offset[:, row, other], motion[:, row, other], radius)
 
 
-def _at_frame(flight: Flight, flags: Flags, track: Track) -> _Events:
-    """Collisions with the frame of a gate, in its plane."""
-    hits = _hits(flags)
-    row = np.arange(len(hits.step))
-    start, end = (points[row, :, hits.drone] for points in _segments(flight, hits))
+def _leave_box(track: Track, start: Point, end: Point) -> np.ndarray:
+    """Where the box of the track is left."""
+    faces = [(1, axis, track.bounds_high[axis]) for axis in range(3)]
+    faces += [(-1, axis, -track.bounds_low[axis]) for axis in range(2)]
+    left = [geometry.leave_above(side * start[axis], side * end[axis], limit) for side, axis, limit in faces]
+    return np.asarray(np.min(left, axis=0))
+
+
+def _meet_frame(flight: Flight, hits: _Hits, start: Point, end: Point, track: Track) -> tuple[np.ndarray, np.ndarray]:
+    """The gate whose frame was struck first, and when."""
     flown = zip(*_gates_flown(flight, track, hits.race), strict=True)
     by_gate = [
-        _frame_misfit(_Opening(centre.T, yaw, gate.width / 2, gate.height / 2), track.frame_width, start, end)
+        _frame_misfit(gate, track.frame_width, (centre, yaw), (start, end))
         for gate, (centre, yaw) in zip(track.gates, flown, strict=True)
     ]
     misfit, fraction = np.array(by_gate).swapaxes(0, 1)
     gate = (misfit + 1e-3 * fraction).argmin(axis=0)
-    return _events(flight, EventKind.COLLISION_GATE_FRAME, hits, fraction[gate, row], gate, _none(hits))
-
-
-class _Opening(NamedTuple):
-    """A gate where each of some races has it."""
-
-    centre: np.ndarray  # [R, 3] m
-    yaw: np.ndarray  # [R] rad
-    half_width: float  # [m]
-    half_height: float  # [m]
+    return gate, fraction[gate, np.arange(len(hits.step))]
 
 
 def _frame_misfit(
-    gate: _Opening, frame_width: float, start: np.ndarray, end: np.ndarray
+    gate: Gate, frame_width: float, place: tuple[np.ndarray, np.ndarray], segment: tuple[Point, Point]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """How far [m] segments are from striking a gate's frame, 0 for those that do, and the fraction at its plane."""
-    cos, sin, none, one = np.cos(gate.yaw), np.sin(gate.yaw), 0 * gate.yaw, 1 + 0 * gate.yaw
-    axes = np.array([[cos, sin, none], [-sin, cos, none], [none, none, one]])  # forward, left, up
-    before, after = (np.einsum("ijr,rj->ri", axes, point - gate.centre) for point in (start, end))
-    length = after[:, 0] - before[:, 0]
-    free = -before[:, 0] / np.where(length == 0, 1.0, length)
+    """How far [m] segments are from striking a gate's frame, 0 for those that do, and the fraction at its plane.
+
+    `place` is its centre [3, R] and yaw [R] in each race.
+    """
+    centre, yaw = place
+    heading, tilt = (np.cos(yaw), np.sin(yaw)), geometry.tilt_of(gate.roll, gate.pitch)
+    before, after = (
+        geometry.to_gate(heading, tuple(a - c for a, c in zip(point, centre, strict=True)), tilt) for point in segment
+    )
+    length = after[0] - before[0]
+    free = -before[0] / np.where(length == 0, 1.0, length)
     fraction = np.clip(free, 0.0, 1.0)
-    at = before + fraction[:, None] * (after - before)
-    offset = np.maximum(np.abs(at[:, 1]) - gate.half_width, np.abs(at[:, 2]) - gate.half_height)
+    left, up = (before[axis] + fraction * (after[axis] - before[axis]) for axis in (1, 2))
+    offset = geometry.beyond_opening(left, up, gate.width / 2, gate.height / 2, gate.shape == "round")
     beyond = np.maximum(-offset, 0.0) + np.maximum(offset - frame_width, 0.0)
-    missed_plane = np.abs(free - fraction) * np.abs(length)
-    return beyond + missed_plane, fraction
+    return beyond + np.abs(free - fraction) * np.abs(length), fraction

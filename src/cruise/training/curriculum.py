@@ -3,7 +3,8 @@
 from dataclasses import dataclass, replace
 
 from cruise.config import Stage, TrainConfig
-from cruise.presets import CURRICULA
+from cruise.presets import curriculum_of
+from cruise.vehicles import find_vehicle
 
 AFTER_SHARE = 0.5  # of the last stage's budget that `self_play="after"` gives to the phase with opponents
 
@@ -22,7 +23,7 @@ class Phase:
 
 def _stages(config: TrainConfig) -> list[tuple[int, Stage, bool, bool]]:
     """(number, stage, alone, self_play) in order."""
-    curriculum = CURRICULA[config.vehicle]
+    curriculum = curriculum_of(find_vehicle(config.vehicle))
     numbered = list(enumerate(curriculum, start=1))
     mode = config.opponents.self_play
     if config.vanilla:

@@ -87,6 +87,8 @@ def state_specs(shape: TrainState) -> TrainState:
         key=everywhere,  # type: ignore[arg-type]
         updates=everywhere,  # type: ignore[arg-type]
         league=None if shape.league is None else everywhere,  # type: ignore[arg-type]
+        carries=over_races(shape.carries),
+        opponents_carry=over_races(shape.opponents_carry),
     )
 
 

@@ -11,7 +11,7 @@ from cruise.config import TrainConfig
 from cruise.env.race_env import RaceEnv
 from cruise.env.surroundings import perceive
 from cruise.env.types import RaceState, Rules, StepOutcome
-from cruise.pilots.network import ActorCritic
+from cruise.pilots.network import ActorCritic, Carries, emptied
 from cruise.training.league import opponents_fly
 from cruise.training.sparring import fly_sparring
 from cruise.training.types import ACTIVE, TrainState, Transitions
@@ -31,6 +31,7 @@ class Experience(NamedTuple):
     transitions: Transitions
     last_value: Float[Array, "E"]
     metrics: dict[str, Array]
+    carries: Carries | None = None  # what the networks remembered before it, where they remember anything
 
 
 Collect = Callable[[TrainState, Draws, Rules, Array], tuple[TrainState, Experience]]
@@ -100,10 +101,10 @@ def draw(env: RaceEnv, key: Array, num_races: int, rollout_steps: int, vary_fiel
     One start per race: one that ends twice in a rollout begins at the same place twice, which costs nothing, where a
     fresh start for every race at every step would cost more than everything else together.
     """
-    start_key, noise_key = jax.random.split(key)
+    start_key, noise_key, field_key = jax.random.split(key, 3)
     noise = jax.random.normal(noise_key, (rollout_steps, env.dynamics.action_size, num_races))
     start = env.reset(start_key, (num_races,))
-    return Draws(thin_out(start, jax.random.fold_in(key, 2)) if vary_field else start, noise)
+    return Draws(thin_out(start, field_key) if vary_field else start, noise)
 
 
 def make_collect(env: RaceEnv, config: TrainConfig) -> Collect:
@@ -112,7 +113,7 @@ def make_collect(env: RaceEnv, config: TrainConfig) -> Collect:
     The time limit is looked at when the rollout ends, where the value after the last step is computed in any case:
     truncation costs nothing and is bootstrapped exactly.
     """
-    ppo = config.ppo
+    ppo, judge = config.ppo, _judge(env, config)
     spars = env.num_drones > 1 and config.opponents.sparring_share > 0 and config.opponents.self_play != "off"
 
     def collect(state: TrainState, draws: Draws, rules: Rules, alone: Array) -> tuple[TrainState, Experience]:
@@ -121,41 +122,68 @@ def make_collect(env: RaceEnv, config: TrainConfig) -> Collect:
         std = jnp.exp(model.log_std)[:, None]
 
         def step(carry: tuple, white: Array) -> tuple:
-            races, restart, opponents = carry
+            races, restart, opponents, carries, theirs = carry
             races = begin_again(races, start, restart)
             opponents = opponents._replace(uses_previous=opponents.uses_previous & ~restart)
+            carries, theirs = emptied((carries, theirs), restart)
             seen = perceive(races)
             observation = env.observe(seen)
-            own = observation[:, ACTIVE]
-            mean, value = model.mean_and_value(own)
+            own, judged = observation[:, ACTIVE], judge(races)
+            carries, mean, value = model.act_and_judge(carries, own, judged)
             nearest = nearest_opponent(races)
             noise_scale = caution(nearest, ppo.caution_distance, ppo.least_noise)
             action = mean + std * noise_scale * white
             everyone = action[:, None]
             if env.num_drones > 1:
-                everyone = jnp.concatenate(
-                    [everyone, opponents_fly(opponents, state.league, observation[:, 1:])], axis=1
-                )
+                theirs, others = opponents_fly(opponents, state.league, theirs, observation[:, 1:])
+                everyone = jnp.concatenate([everyone, others], axis=1)
             flown = env.decode(seen, everyone)
             if spars:
-                flown = fly_sparring(env, races, flown, state.sparring, rules.agility)
+                flown = fly_sparring(env, seen, flown, state.sparring, rules.agility)
             races, outcome = env.step(races, flown, rules)
             terminated = outcome.terminated[ACTIVE]
             density, company = log_prob(mean, model.log_std, action, noise_scale), nearest < ppo.company_distance
-            reward = outcome.reward[ACTIVE]
-            transition = Transitions(own, action, noise_scale, company, density, value, reward, terminated)
-            return (races, terminated, opponents), (transition, _step_metrics(outcome, races))
+            transition = Transitions(
+                observation=own,
+                action=action,
+                noise_scale=noise_scale,
+                in_company=company,
+                log_prob=density,
+                value=value,
+                reward=outcome.reward[ACTIVE],
+                terminated=terminated,
+                judged=judged,
+                begins=restart if model.has_memory else None,
+            )
+            return (races, terminated, opponents, carries, theirs), (transition, _step_metrics(outcome, races))
 
-        carry = (state.races, state.restart, state.opponents)
+        carry = (state.races, state.restart, state.opponents, state.carries, state.opponents_carry)
         transitions: Transitions
         measured: dict[str, Array]
-        (races, terminated, opponents), (transitions, measured) = jax.lax.scan(step, carry, draws.noise)
+        carry, (transitions, measured) = jax.lax.scan(step, carry, draws.noise)
+        races, terminated, opponents, carries, theirs = carry
         following = begin_again(races, start, terminated)
-        last_value = model.value(env.observe(perceive(following))[:, ACTIVE])
+        last = judge(following)
+        last = env.observe(perceive(following))[:, ACTIVE] if last is None else last
+        _, last_value = model.critic.step(emptied(carries.critic, terminated), last)
         truncated = ~terminated & (races.step >= config.episode_steps)
         metrics = {name: values.mean() for name, values in measured.items()}
         metrics["truncated"] = truncated.mean() / len(draws.noise)
+        before = state.carries if model.has_memory else None
         state = state._replace(races=races, restart=terminated | truncated, opponents=opponents)
-        return state, Experience(transitions, last_value, metrics)
+        state = state._replace(carries=carries, opponents_carry=theirs)
+        return state, Experience(transitions, last_value[0], metrics, before)
 
     return collect
+
+
+def _judge(env: RaceEnv, config: TrainConfig) -> Callable[[RaceState], Array | None]:
+    """What the value network sees of the active drone: None where it sees what the policy sees.
+
+    An observation of its own is of the true state: sensor errors are for the policy, which must learn to live with
+    them, not for who judges it (Pinto et al., Asymmetric Actor Critic, RSS 2018).
+    """
+    if not config.critic_observation:
+        return lambda races: None
+    observe = env.observe_as[config.critic_observation]
+    return lambda races: observe(races)[:, ACTIVE]

@@ -1,4 +1,4 @@
-"""Proximal policy optimisation on the formulas of rlax and the optimisers of optax."""
+"""Proximal policy optimisation: minibatches, losses and steps of the optimiser."""
 
 from collections.abc import Callable
 
@@ -6,17 +6,16 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import optax
-import rlax
 from jax.flatten_util import ravel_pytree
-from jaxtyping import Array, Bool, Float, Int, Shaped
+from jaxtyping import Array, Float
 
 from cruise.config import PPOConfig
 from cruise.pilots.network import ActorCritic
 from cruise.training.devices import mean_over_devices
 from cruise.training.experience import Experience, log_prob
+from cruise.training.formulas import clipped_surrogate, generalised_advantages
+from cruise.training.minibatches import make_minibatches
 from cruise.training.types import Batch, TrainState
-
-LEAST_DEVIATION = 0.01  # of a group's advantages, as a share of that of all: that of one or two may be rounding
 
 
 def make_optimiser(config: PPOConfig, total_updates: int) -> optax.GradientTransformation:
@@ -50,25 +49,49 @@ def advantages(experience: Experience, config: PPOConfig) -> Float[Array, "T E"]
     going_on = 1.0 - transitions.terminated
     future = going_on if config.after_crash == "nothing" else jnp.ones_like(going_on)
     values = jnp.concatenate([transitions.value, experience.last_value[None]])
-    estimate = jax.vmap(rlax.truncated_generalized_advantage_estimation, in_axes=1, out_axes=1)
-    return estimate(transitions.reward, config.gamma * future, config.gae_lambda * going_on, values)
+    return generalised_advantages(transitions.reward, config.gamma * future, config.gae_lambda * going_on, values)
 
 
 def make_batch(experience: Experience, config: PPOConfig) -> Batch:
     """Add advantages and value targets to the transitions."""
     advantage = advantages(experience, config)
     t = experience.transitions
-    return Batch(t.observation, t.action, t.noise_scale, t.in_company, t.log_prob, advantage, advantage + t.value)
+    return Batch(
+        observation=t.observation,
+        action=t.action,
+        noise_scale=t.noise_scale,
+        in_company=t.in_company,
+        log_prob=t.log_prob,
+        advantage=advantage,
+        value_target=advantage + t.value,
+        judged=t.judged,
+        begins=t.begins,
+        carries=experience.carries,
+    )
+
+
+def _act_again(model: ActorCritic, batch: Batch) -> tuple[Float[Array, "A *B"], Float[Array, "*B"]]:
+    """Mean actions and values by the present parameters: of single steps, or along sequences where there is memory."""
+    if batch.begins is not None:
+        assert batch.carries is not None
+        return model.unroll(batch.carries, batch.observation, batch.judged, batch.begins)
+    none = model.init_carries()
+    _, mean, value = model.act_and_judge(none, batch.observation, batch.judged)
+    return mean, value
 
 
 def ppo_loss(
     model: ActorCritic, batch: Batch, config: PPOConfig, entropy_weight: Array
 ) -> tuple[Array, dict[str, Array]]:
-    """Clipped surrogate + value error - entropy, over a minibatch, components leading, advantages standardised."""
-    mean, value = model.mean_and_value(batch.observation)
-    new_log_prob = log_prob(mean, model.log_std, batch.action, batch.noise_scale)
+    """Clipped surrogate + value error - entropy, over a minibatch, advantages standardised.
+
+    Components lead; of sequences [T C E] time does.
+    """
+    mean, value = _act_again(model, batch)
+    action = batch.action if batch.begins is None else jnp.moveaxis(batch.action, 0, 1)
+    new_log_prob = log_prob(mean, model.log_std, action, batch.noise_scale)
     log_ratio = new_log_prob - batch.log_prob
-    policy_loss = rlax.clipped_surrogate_pg_loss(jnp.exp(log_ratio), batch.advantage, config.clip_ratio)
+    policy_loss = clipped_surrogate(jnp.exp(log_ratio), batch.advantage, config.clip_ratio)
     value_loss = optax.l2_loss(value, batch.value_target).mean()
     entropy = (model.log_std + 0.5 * jnp.log(2 * jnp.pi * jnp.e)).sum()
     loss = policy_loss + config.value_weight * 2 * value_loss - entropy_weight * entropy
@@ -81,12 +104,6 @@ def ppo_loss(
     return loss, metrics
 
 
-def _side_by_side(rows: Shaped[Array, "T *C E"], chosen: Int[Array, "K"]) -> Shaped[Array, "*C KE"]:
-    """The chosen time steps, joined along the races: one long batch axis, copied row by row."""
-    picked = [jax.lax.dynamic_index_in_dim(rows, chosen[i], keepdims=False) for i in range(chosen.shape[0])]
-    return jnp.concatenate(picked, axis=-1)
-
-
 def _ceiling(model: ActorCritic, max_log_std: float) -> Float[Array, "P"]:
     """The largest value of every parameter: only the deviations have one.
 
@@ -97,67 +114,19 @@ def _ceiling(model: ActorCritic, max_log_std: float) -> Float[Array, "P"]:
     return flatten(eqx.tree_at(lambda m: m.log_std, unbounded, jnp.full_like(model.log_std, max_log_std)))
 
 
-def _moments(advantage: Float[Array, "T E"], axis: str | None) -> Float[Array, "2 T"]:
-    """Mean and mean square of every time step's advantages, over all races on all devices."""
-    return mean_over_devices(jnp.stack([advantage.mean(1), (advantage**2).mean(1)]), axis)
-
-
-def _moments_among(advantage: Float[Array, "T E"], group: Bool[Array, "T E"], axis: str | None) -> Float[Array, "3 T"]:
-    """The same of those in a group, with the others as zeros, and the group's share."""
-    shares = group.astype(jnp.float32)
-    return jnp.concatenate([_moments(shares * advantage, axis), mean_over_devices(shares.mean(1), axis)[None]])
-
-
-def _moments_of_groups(batch: Batch, config: PPOConfig, axis: str | None) -> tuple[Array, ...]:
-    """Of all advantages; where company counts, of those without and of those with."""
-    if config.company_distance == 0:
-        return (_moments(batch.advantage, axis),)
-    groups = ~batch.in_company, batch.in_company
-    return tuple(_moments_among(batch.advantage, group, axis) for group in groups)
-
-
-def _deviation(moments: Float[Array, "2"]) -> Float[Array, ""]:
-    mean, square = moments
-    return jnp.sqrt(jnp.maximum(square - mean**2, 0.0))
-
-
-def _standardised(
-    advantage: Float[Array, "*B"], moments: Float[Array, "2"], least: Array | float = 0.0
-) -> Float[Array, "*B"]:
-    """With mean 0 and deviation 1, or smaller where they deviate by less than `least`."""
-    return (advantage - moments[0]) / (jnp.maximum(_deviation(moments), least) + 1e-8)
-
-
-def _minibatch(batch: Batch, moments: tuple[Array, ...], chosen: Int[Array, "K"]) -> Batch:
-    """The chosen time steps of all races, advantages standardised over the whole minibatch, on whatever device.
-
-    With the moments of two groups, what happens in company is standardised apart from what happens alone: beside an
-    opponent one crash outweighs whatever a better line is worth, and standardised by it lines are hardly learned.
-    """
-    picked: Batch = jax.tree.map(lambda rows: _side_by_side(rows, chosen), batch)
-    chosen_moments = [rows[:, chosen].mean(1) for rows in moments]
-    if len(moments) == 1:
-        return picked._replace(advantage=_standardised(picked.advantage, chosen_moments[0]))
-    least = LEAST_DEVIATION * _deviation(chosen_moments[0][:2] + chosen_moments[1][:2])
-    alone, company = (_standardised(picked.advantage, m[:2] / jnp.maximum(m[2], 1e-8), least) for m in chosen_moments)
-    return picked._replace(advantage=jnp.where(picked.in_company, company, alone))
-
-
 def make_learn(
     config: PPOConfig, optimiser: optax.GradientTransformation, total_updates: int, axis: str | None = None
 ) -> Callable[[TrainState, Experience, Array], tuple[TrainState, dict[str, Array]]]:
     """A function that improves the model on one rollout, given a random key for the order of the minibatches.
 
-    A minibatch is a random set of time steps of all races: races are independent, so it is nearly as mixed as a full
-    shuffle, and it is gathered by rows of E numbers instead of one by one. Where the races are spread over the devices
-    of a mesh axis, every device holds its own and the gradients are averaged.
+    `cruise.training.minibatches` says what a minibatch is. Where the races are spread over the devices of a mesh axis,
+    every device holds its own and the gradients are averaged.
     """
-    steps_per_minibatch = config.rollout_steps // config.minibatches
     exploration = exploration_schedule(config, total_updates)
 
     def learn(state: TrainState, experience: Experience, shuffle_key: Array) -> tuple[TrainState, dict[str, Array]]:
         batch = make_batch(experience, config)
-        moments = _moments_of_groups(batch, config, axis)
+        minibatch_of, units = make_minibatches(batch, config, axis)
         entropy_weight = exploration(state.updates)
         parameters, unflatten = ravel_pytree(state.model)
         most = _ceiling(state.model, config.max_log_std)
@@ -167,15 +136,15 @@ def make_learn(
 
         def minibatch_step(carry: tuple, chosen: Array) -> tuple:
             parameters, opt_state = carry
-            gradient, metrics = jax.grad(loss, has_aux=True)(parameters, _minibatch(batch, moments, chosen))
+            gradient, metrics = jax.grad(loss, has_aux=True)(parameters, minibatch_of(chosen))
             gradient = mean_over_devices(gradient, axis)
             updates, opt_state = optimiser.update(gradient, opt_state, parameters)
             parameters = jnp.minimum(optax.apply_updates(parameters, updates), most)
             return (parameters, opt_state), metrics
 
         def epoch(carry: tuple, epoch_key: Array) -> tuple:
-            order = jax.random.permutation(epoch_key, config.rollout_steps)
-            return jax.lax.scan(minibatch_step, carry, order.reshape(config.minibatches, steps_per_minibatch))
+            order = jax.random.permutation(epoch_key, units)
+            return jax.lax.scan(minibatch_step, carry, order.reshape(config.minibatches, -1))
 
         keys = jax.random.split(shuffle_key, config.epochs)
         metrics: dict[str, Array]

@@ -14,7 +14,7 @@ from cruise.env.surroundings import perceive
 from cruise.env.types import RaceState, Rules
 from cruise.pilots.network import ActorCritic
 from cruise.training.experience import hide_opponents
-from cruise.training.league import SEATS, SHARES, beaten_by_seat, opponents_fly
+from cruise.training.league import SHARES, SLOTS, beaten_by_slot, opponents_fly
 from cruise.training.types import ACTIVE, League, OpponentPool, TrainState
 from cruise.vector import norm
 
@@ -66,13 +66,13 @@ def _score(seen: _Watch, races: RaceState, env: RaceEnv, league: League | None =
         success=jnp.mean(~races.out[ACTIVE]),
         speed=seen.distance.sum() / jnp.maximum(seen.steps.sum(), 1),
         lap_time=jnp.sum(jnp.where(whole, per_lap, 0.0)) / whole.sum() * env.dynamics.control_dt,
-        beaten=None if league is None else beaten_by_seat(races.gates_passed),
+        beaten=None if league is None else beaten_by_slot(races.gates_passed),
     )
 
 
 def _against_newest(gates_passed: Int[Array, "N E"]) -> Int[Array, "N H"]:
     """Of the races that no member of the league flies in."""
-    return gates_passed.reshape(len(gates_passed), -1, SHARES)[..., :SEATS].reshape(len(gates_passed), -1)
+    return gates_passed.reshape(len(gates_passed), -1, SHARES)[..., :SLOTS].reshape(len(gates_passed), -1)
 
 
 Evaluate = Callable[..., Score]  # (model, opponents, rules, alone, key, league=None)
@@ -94,17 +94,21 @@ def make_evaluate(env: RaceEnv, config: SelfPlayConfig) -> Evaluate:
         pool = OpponentPool(opponents, opponents, jnp.zeros(number, bool), jnp.zeros((), jnp.int32))
 
         def step(carry: tuple, _: None) -> tuple:
-            races, seen = carry
-            seen_as = perceive(races)
-            observation = env.observe(seen_as)
-            action = model.mean_action(observation[:, :1])
+            races, seen, own, theirs = carry
+            measured = perceive(races)
+            observation = env.observe(measured)
+            own, action = model.apply(own, observation[:, :1])
             if env.num_drones > 1:
-                action = jnp.concatenate([action, opponents_fly(pool, league, observation[:, 1:])], axis=1)
-            after, outcome = env.step(races, env.decode(seen_as, action), rules)
+                theirs, others = opponents_fly(pool, league, theirs, observation[:, 1:])
+                action = jnp.concatenate([action, others], axis=1)
+            after, outcome = env.step(races, env.decode(measured, action), rules)
             crossing = outcome.crossing
-            return (after, _watch(seen, races, after, crossing.passed[ACTIVE], crossing.fraction[ACTIVE])), None
+            seen = _watch(seen, races, after, crossing.passed[ACTIVE], crossing.fraction[ACTIVE])
+            return (after, seen, own, theirs), None
 
-        (races, seen), _ = jax.lax.scan(step, (races, _Watch(*[nothing] * 4)), length=config.evaluation_steps)
+        carries = model.init_carry((1, number)), opponents.init_carry((env.num_drones - 1, number))
+        start = (races, _Watch(*[nothing] * 4), *carries)
+        (races, seen, _, _), _ = jax.lax.scan(step, start, length=config.evaluation_steps)
         return _score(seen, races, env, league)
 
     return evaluate

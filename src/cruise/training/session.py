@@ -20,8 +20,8 @@ from cruise.storage.config_file import load_config, save_config, to_json
 from cruise.storage.file_lock import Busy, hold, release
 from cruise.storage.policy_file import PolicyMeta, read_meta, save_policy
 from cruise.training import hosts
-from cruise.training.beginning import first_state
 from cruise.training.curriculum import Phase
+from cruise.training.initial_state import initial_state
 from cruise.training.metrics_log import MetricsLog, metrics_row
 from cruise.training.run_track import check_track, keep_track
 from cruise.training.trainer import Progress, Trainer, TrainingDiverged
@@ -102,7 +102,7 @@ class Session:
     def _begin(self) -> TrainState:
         """A new run on disk. The configuration comes last: where there is one, there is a checkpoint to go on from."""
         hosts.on_first(self._must_be_new)
-        state = first_state(self.trainer)
+        state = initial_state(self.trainer)
         if self.config.start_from:
             self.steps_before = read_meta(self.config.start_from).all_steps
         hosts.on_first(self._take_folder)

@@ -13,9 +13,9 @@ from jaxtyping import Array, UInt32
 from cruise.config import Track, TrainConfig, Vehicle
 from cruise.env.race_env import RaceEnv, make_race_env
 from cruise.env.randomise import made_for, perturbation
-from cruise.env.types import Rules, stage_rules
+from cruise.env.types import RaceState, Rules, stage_rules
 from cruise.errors import CruiseError
-from cruise.pilots.network import ActorCritic
+from cruise.pilots.network import ActorCritic, NetworkShape
 from cruise.training.curriculum import Phase, plan_phases
 from cruise.training.devices import (
     AXIS,
@@ -33,7 +33,7 @@ from cruise.training.self_play import Score, has_mastered, make_evaluate, may_re
 from cruise.training.sparring import draw_sparring
 from cruise.training.types import League, OpponentPool, TrainState
 
-SEATING = 1  # of the keys of an evaluation, the one that seats the league
+STREAMS = 6  # of random numbers that a seed begins
 
 
 class Progress(NamedTuple):
@@ -75,6 +75,10 @@ class Trainer:
         self.mesh = make_mesh(devices or choose_devices(config.ppo.races))
         if config.opponents.league and config.ppo.races // self.mesh.size % SHARES:
             raise CruiseError(f"with a league every device flies a multiple of {SHARES} races: change races or devices")
+        if config.ppo.network == "gru" and config.ppo.races // self.mesh.size % config.ppo.minibatches:
+            raise CruiseError(
+                "with memory every device needs a multiple of minibatches of races: change --races or --minibatches"
+            )
         everywhere = NamedSharding(self.mesh, PartitionSpec())
         self.places = placed = shardings(self.mesh, state_specs(self.state_shape()))
         self.update = jax.jit(
@@ -127,17 +131,16 @@ class Trainer:
             league: League | None,
         ) -> Score:
             """`origin`: the seed and the number of the update that is evaluated."""
-            return evaluate(model, opponents, rules, alone, _key_of(origin), league)
+            return evaluate(model, opponents, rules, alone, _keys_of(origin)[0], league)
 
         return evaluate_update
 
     def _start(self, key: Array) -> TrainState:
         """A fresh state: opponents equal to the active policy, episodes of random ages, which never end together."""
-        model_key, race_key, age_key, key = jax.random.split(key, 4)
+        model_key, race_key, age_key, key, sparring_key, _ = jax.random.split(key, STREAMS)
         ppo, env = self.config.ppo, self.env
         races = env.reset(race_key, (ppo.races,))
-        size = env.observe(races).shape[0]
-        model = ActorCritic(size, env.dynamics.action_size, ppo.hidden, ppo.initial_log_std, model_key)
+        model = ActorCritic(self._network_shape(races), ppo.initial_log_std, model_key)
         races = hide_opponents(races, jnp.asarray(self.phases[0].alone))
         races = races._replace(step=jax.random.randint(age_key, (ppo.races,), 0, self.config.episode_steps))
         nobody = jnp.zeros(ppo.races, bool)
@@ -147,12 +150,25 @@ class Trainer:
             model=model,
             optimiser=self.optimiser.init(flatten(model)),
             opponents=pool,
-            sparring=draw_sparring(jax.random.fold_in(key, 1), env, ppo.races, share),
+            sparring=draw_sparring(sparring_key, env, ppo.races, share),
             races=races,
             restart=nobody,
             key=key,
             updates=jnp.zeros((), jnp.int32),
             league=found_league(model, self.config.opponents.league) if self.config.opponents.league else None,
+            carries=model.init_carries((ppo.races,)),
+            opponents_carry=model.init_carry((env.num_drones - 1, ppo.races)),
+        )
+
+    def _network_shape(self, races: RaceState) -> NetworkShape:
+        ppo, critic = self.config.ppo, self.config.critic_observation
+        return NetworkShape(
+            observation_size=self.env.observe(races).shape[0],
+            action_size=self.env.dynamics.action_size,
+            hidden=ppo.hidden,
+            kind=ppo.network,
+            memory_size=ppo.memory_size,
+            critic_observation_size=self.env.observe_as[critic](races).shape[0] if critic else 0,
         )
 
     def initial_state(self) -> TrainState:
@@ -208,7 +224,7 @@ class Trainer:
         origin = np.array([self.config.seed, int(state.updates)], np.uint32)
         score = self.evaluate(state.model, state.opponents.newest, rules, alone, origin, state.league)
         if state.league is not None:
-            state = after_evaluation(state, score.beaten, jax.random.fold_in(_key_of(origin), SEATING))
+            state = after_evaluation(state, score.beaten, _keys_of(origin)[1])
         score = Score(*(float(x) for x in score[:4]))  # type: ignore[arg-type]
         if not phase.self_play or self.config.against:
             return score, state, False
@@ -219,10 +235,14 @@ class Trainer:
         return score, play_on(state), False
 
 
-def _key_of(origin: UInt32[Array, "2"] | np.ndarray) -> Array:
-    """The key of an evaluation: that of the seed and the number of the update."""
+def _keys_of(origin: UInt32[Array, "2"] | np.ndarray) -> Array:
+    """Two keys of an evaluation, for its races and for the league; functions of the seed and the number of the update.
+
+    They come from the last of the seed's streams, which `_start` leaves alone.
+    """
     seed, update = origin
-    return jax.random.fold_in(jax.random.key(seed + 1), update)
+    evaluations = jax.random.split(jax.random.key(seed), STREAMS)[-1]
+    return jax.random.split(jax.random.fold_in(evaluations, update))
 
 
 def _on_host(number: float | int | bool) -> np.ndarray:

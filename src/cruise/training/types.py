@@ -6,7 +6,7 @@ import optax
 from jaxtyping import Array, Bool, Float, Int
 
 from cruise.env.types import RaceState
-from cruise.pilots.network import ActorCritic
+from cruise.pilots.network import ActorCritic, Carries, Carry
 
 ACTIVE = 0  # the drone that learns; it starts in a random lane, so it is no special place
 
@@ -54,6 +54,8 @@ class TrainState(NamedTuple):
     key: Array
     updates: Int[Array, ""]
     league: League | None = None  # None: there is none
+    carries: Carries = Carries((), ())  # what the active policy's networks remember of the races under way [H E]
+    opponents_carry: Carry = ()  # what those remember that fly the opponents [H N-1 E]
 
 
 class Transitions(NamedTuple):
@@ -67,6 +69,8 @@ class Transitions(NamedTuple):
     value: Float[Array, "T E"]
     reward: Float[Array, "T E"]
     terminated: Bool[Array, "T E"]
+    judged: Float[Array, "T C E"] | None = None  # what the value network saw; None: the same as the policy
+    begins: Bool[Array, "T E"] | None = None  # a race began in this step; None: no network remembers anything
 
 
 class Batch(NamedTuple):
@@ -79,3 +83,6 @@ class Batch(NamedTuple):
     log_prob: Float[Array, "T E"]
     advantage: Float[Array, "T E"]  # of a minibatch: standardised
     value_target: Float[Array, "T E"]
+    judged: Float[Array, "T C E"] | None = None  # what the value network saw; None: the same as the policy
+    begins: Bool[Array, "T E"] | None = None  # a race began in this step; None: no network remembers anything
+    carries: Carries | None = None  # what the networks remembered before the first step [H E]

@@ -4,16 +4,26 @@ import dataclasses
 import math
 from collections.abc import Iterator
 
-from cruise.config import PPOConfig, SelfPlayConfig, TrainConfig
+from cruise.config import PPOConfig, SelfPlayConfig, TrainConfig, Vehicle
+from cruise.env.observation import OBSERVATIONS
 from cruise.env.randomise import check_randomisation
 from cruise.errors import CruiseError
-from cruise.presets import VEHICLES
 from cruise.storage.policy_file import MAX_WIDTH
 from cruise.training.curriculum import plan_phases
+from cruise.vehicles import VEHICLES, check_vehicle, find_vehicle, load_vehicle, reference_to
 
 MAX_DRONES = 16
 MAX_SEED = 2**32 - 1
 MAY_BE_INFINITE = ("overtake_range", "checkpoint_seconds")
+
+
+def owning_vehicle(config: TrainConfig) -> TrainConfig:
+    """The configuration with all numbers of a vehicle that a file describes, so that the run no longer needs the file.
+
+    Raises:
+        CruiseError: there is no such vehicle, or it cannot fly.
+    """
+    return dataclasses.replace(config, vehicle=reference_to(load_vehicle(config.vehicle)))
 
 
 def check_config(config: TrainConfig) -> None:
@@ -23,14 +33,17 @@ def check_config(config: TrainConfig) -> None:
 
 
 def _faults(config: TrainConfig) -> Iterator[str]:
-    if config.vehicle not in VEHICLES:
+    known = isinstance(config.vehicle, Vehicle) or config.vehicle in VEHICLES
+    if known:
+        check_vehicle(find_vehicle(config.vehicle))
+    else:
         yield f"unknown vehicle {config.vehicle!r}: there are {', '.join(VEHICLES)}"
     if not 1 <= config.drones <= MAX_DRONES:
         yield f"drones must be between 1 and {MAX_DRONES}, not {config.drones}"
     if not 0 <= config.seed <= MAX_SEED:
         yield f"seed must be between 0 and {MAX_SEED}, not {config.seed}"
-    if config.vehicle in VEHICLES:
-        check_randomisation(VEHICLES[config.vehicle], config.randomisation)
+    if known:
+        check_randomisation(find_vehicle(config.vehicle), config.randomisation)
     for part in (config, config.reward, config.ppo, config.opponents):
         yield from _not_finite(part)
     yield from _below(1, config, "episode_steps")
@@ -38,6 +51,8 @@ def _faults(config: TrainConfig) -> Iterator[str]:
     yield from _ppo_faults(config.ppo)
     yield from _opponent_faults(config.opponents)
     yield from _not_shares(config, "milder_share", "nominal_share")
+    if config.critic_observation and config.critic_observation not in OBSERVATIONS:
+        yield f"unknown critic_observation {config.critic_observation!r}: there are {', '.join(OBSERVATIONS)}"
     if config.against and config.drones == 1:
         yield "against names who flies the opponents, and one drone has none: raise drones"
     phase = plan_phases(config)[-1]
@@ -48,7 +63,9 @@ def _faults(config: TrainConfig) -> Iterator[str]:
 
 def _ppo_faults(ppo: PPOConfig) -> Iterator[str]:
     yield from _below(1, ppo, "races", "rollout_steps", "epochs", "minibatches")
-    if ppo.rollout_steps % ppo.minibatches:
+    if ppo.network == "gru":
+        yield from _recurrent_faults(ppo)
+    elif ppo.rollout_steps % ppo.minibatches:
         yield f"rollout_steps ({ppo.rollout_steps}) must be a multiple of minibatches ({ppo.minibatches})"
     if ppo.races < ppo.rollout_steps:
         yield f"races ({ppo.races}) must be at least rollout_steps ({ppo.rollout_steps})"
@@ -63,6 +80,13 @@ def _ppo_faults(ppo: PPOConfig) -> Iterator[str]:
         yield "least_noise must be above 0, or a drone beside another would never try anything"
     if not ppo.hidden or not 1 <= min(ppo.hidden) <= max(ppo.hidden) <= MAX_WIDTH:
         yield f"hidden must name the width of at least one layer, each from 1 to {MAX_WIDTH}, not {ppo.hidden}"
+
+
+def _recurrent_faults(ppo: PPOConfig) -> Iterator[str]:
+    if ppo.races % ppo.minibatches:
+        yield f"races ({ppo.races}) must be a multiple of minibatches ({ppo.minibatches}): they are of whole races"
+    if not 1 <= ppo.memory_size <= MAX_WIDTH:
+        yield f"memory_size must be from 1 to {MAX_WIDTH}, not {ppo.memory_size}"
 
 
 def _opponent_faults(opponents: SelfPlayConfig) -> Iterator[str]:

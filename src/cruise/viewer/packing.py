@@ -4,9 +4,12 @@ from typing import Any
 
 import numpy as np
 
-from cruise.evaluation.metrics import DroneResult, RaceResult, crossing_times, events_of, race_result
+from cruise.config import Gate
+from cruise.evaluation.metrics import DroneResult, RaceResult, crash_times, events_of, overtakes, race_result
 from cruise.palette import drone_colour
+from cruise.racing.solids import Outline
 from cruise.storage.race_log import EVENT_KINDS, EventKind, RaceLog
+from cruise.viewer.painting.scenery import log_scenery
 from cruise.viewer.samples import pack_samples
 
 DECIMALS = 4  # of times and lengths outside the samples
@@ -24,7 +27,7 @@ def pack_race(log: RaceLog, label: str, ghost: RaceLog | None = None) -> dict[st
     Returns:
         Plain numbers, text, lists and dictionaries.
     """
-    result = race_result(log)
+    result, scenery = race_result(log), log_scenery(log)
     drones = [_pack_drone(log, result.drones[drone], drone, ghost=False) for drone in range(log.num_drones)]
     if ghost is not None:
         results = race_result(ghost).drones
@@ -37,7 +40,8 @@ def pack_race(log: RaceLog, label: str, ghost: RaceLog | None = None) -> dict[st
         "laps": log.laps,
         "duration": _number(float(log.time[-1])),
         "sample_period": _number(log.control_dt),
-        "gates": _pack_gates(log),
+        "gates": [_pack_gate(gate) for gate in scenery.gates],
+        "solids": [_pack_solid(solid) for solid in scenery.solids],
         "first_gate": int(log.next_gate[0, 0]),
         "frame_width": _number(log.frame_width),
         "bounds": _numbers(log.bounds),
@@ -45,6 +49,7 @@ def pack_race(log: RaceLog, label: str, ghost: RaceLog | None = None) -> dict[st
         "drones": drones,
         "ranking": list(result.ranking),
         "events": _pack_events(log),
+        "said": {kind.stored: kind.said for kind in EventKind},
     }
 
 
@@ -66,20 +71,6 @@ def looks_ahead(log: RaceLog) -> bool:
     return bool(np.median(ahead) > np.cos(np.pi / 4))
 
 
-def overtakes(log: RaceLog) -> list[tuple[float, int, int, int]]:
-    """Time, overtaker, overtaken and gate of every overtaking.
-
-    A drone has overtaken another when it was behind at a crossing and before it at the next; the time is that of the
-    overtaker's crossing.
-    """
-    times = crossing_times(log)
-    behind = times[:, None] - times[None]
-    drone, other, crossing = np.nonzero((behind[..., :-1] > 0) & (behind[..., 1:] < 0))
-    gate = (log.next_gate[0, 0] + crossing + 1) % log.num_gates
-    rows = zip(times[drone, crossing + 1].tolist(), drone.tolist(), other.tolist(), gate.tolist(), strict=True)
-    return sorted(rows)
-
-
 def _pack_drone(log: RaceLog, result: DroneResult, drone: int, ghost: bool) -> dict[str, Any]:
     flown = slice(0, int(log.airborne[:, drone].sum()) + 1)
     states = (array[flown, drone] for array in (log.position_w, log.velocity_w, log.euler))
@@ -90,22 +81,22 @@ def _pack_drone(log: RaceLog, result: DroneResult, drone: int, ghost: bool) -> d
         "ghost": ghost,
         "fate": result.fate,
         "finish": _number(result.finish_time),
-        "crash": _crash_time(log, drone),
+        "crash": _number(float(crash_times(log)[drone])),
         "crossings": _numbers(events_of(log, EventKind.CROSSING, drone)),
         "samples": pack_samples(log.time[flown], *states),
     }
 
 
-def _crash_time(log: RaceLog, drone: int) -> float | None:
-    """When a drone's race ended by a collision [s]."""
-    collision = (log.event_kind >= EventKind.COLLISION_DRONE) & (log.event_kind <= EventKind.COLLISION_FLIP)
-    times = log.event_time[collision & (log.event_drone == drone)].tolist()
-    return _number(times[0]) if times else None
+def _pack_gate(gate: Gate) -> dict[str, Any]:
+    height = gate.width if gate.shape == "round" else gate.height
+    turns = {"yaw": _number(gate.yaw), "pitch": _number(gate.pitch), "roll": _number(gate.roll)}
+    size = _numbers(np.array([gate.width, height]))
+    return {"position": _numbers(np.array(gate.position_w)), **turns, "size": size, "shape": gate.shape}
 
 
-def _pack_gates(log: RaceLog) -> list[dict[str, Any]]:
-    rows = zip(_numbers(log.gate_position), _numbers(log.gate_yaw), _numbers(log.gate_size), strict=True)
-    return [{"position": centre, "yaw": yaw, "size": size} for centre, yaw, size in rows]
+def _pack_solid(solid: Outline) -> dict[str, Any]:
+    centre, size = _numbers(np.array(solid.centre_w)), _numbers(np.array(solid.size))
+    return {"kind": solid.kind, "shape": solid.shape, "centre": centre, "size": size, "yaw": _number(solid.yaw)}
 
 
 def _pack_events(log: RaceLog) -> list[dict[str, Any]]:
@@ -117,7 +108,7 @@ def _pack_events(log: RaceLog) -> list[dict[str, Any]]:
         for time, kind, drone, gate, other in rows
         if kind != EventKind.CROSSING
     ]
-    events += [_event(time, "overtake", drone, gate, other) for time, drone, other, gate in overtakes(log)]
+    events += [_event(time, "overtake", drone, gate, other) for time, drone, other, gate, _ in overtakes(log)]
     return sorted(events, key=lambda event: event["time"])
 
 
@@ -126,8 +117,8 @@ def _event(time: float, kind: str, drone: int, gate: int, other: int) -> dict[st
 
 
 def _number(value: float) -> float | None:
-    """A number of JSON, which has no NaN."""
-    return None if np.isnan(value) else round(float(value), DECIMALS)
+    """A number of JSON, which has neither NaN nor infinity."""
+    return round(float(value), DECIMALS) if np.isfinite(value) else None
 
 
 def _numbers(values: np.ndarray) -> list:

@@ -67,5 +67,7 @@ def _template() -> tuple[str, str, str]:
 
 
 def _same_gates(log: RaceLog, other: RaceLog) -> bool:
-    a, b = log.gate_position, other.gate_position
-    return a.shape == b.shape and np.allclose(a, b, atol=SAME_PLACE)
+    """Whether gates stand and lean alike."""
+    names = ("gate_position", "gate_roll", "gate_pitch")
+    pairs = [(getattr(log, name), getattr(other, name)) for name in names]
+    return all(a.shape == b.shape and np.allclose(a, b, atol=SAME_PLACE) for a, b in pairs)

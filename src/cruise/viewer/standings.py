@@ -4,9 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cruise.evaluation.metrics import RaceResult, crossing_times, race_result
-from cruise.storage.race_log import EventKind, RaceLog
-from cruise.viewer.packing import overtakes
+from cruise.evaluation.metrics import RaceResult, crash_times, crossing_times, overtakes, race_result
+from cruise.racing.events import COLLISION_KINDS, EventKind
+from cruise.storage.race_log import RaceLog
 
 NAN = float("nan")
 
@@ -32,10 +32,7 @@ class Course(NamedTuple):
 
 def make_course(log: RaceLog) -> Course:
     """Prepare a race."""
-    ends = np.full(log.num_drones, np.inf)
-    collision = (log.event_kind >= EventKind.COLLISION_DRONE) & (log.event_kind <= EventKind.COLLISION_FLIP)
-    np.minimum.at(ends, log.event_drone[collision], log.event_time[collision])
-    return Course(log, race_result(log), crossing_times(log), ends)
+    return Course(log, race_result(log), crossing_times(log), crash_times(log))
 
 
 def standings(course: Course, t: float) -> list[Standing]:
@@ -72,18 +69,10 @@ def _distance_to_first_gate(log: RaceLog, drone: int, t: float) -> float:
     return float(np.linalg.norm(log.position_w[sample, drone] - log.gate_position[log.next_gate[0, 0]]))
 
 
-CRASHES = {
-    EventKind.COLLISION_GROUND: "hits the ground",
-    EventKind.COLLISION_GATE_FRAME: "hits a gate",
-    EventKind.COLLISION_BOUNDS: "leaves the track",
-    EventKind.COLLISION_FLIP: "flips over",
-}
-
-
 def commentary(course: Course) -> list[tuple[float, str]]:
     """Time and one short sentence for everything worth saying, in order."""
     log = course.log
-    said = [(t, f"Drone {drone + 1} overtakes drone {other + 1}") for t, drone, other, _ in overtakes(log)]
+    said = [(t, f"Drone {drone + 1} overtakes drone {other + 1}") for t, drone, other, *_ in overtakes(log)]
     for time, kind, drone, other in zip(
         log.event_time.tolist(),
         log.event_kind.tolist(),
@@ -91,10 +80,11 @@ def commentary(course: Course) -> list[tuple[float, str]]:
         log.event_other.tolist(),
         strict=True,
     ):
-        if kind in CRASHES:
-            said.append((time, f"Drone {drone + 1} {CRASHES[EventKind(kind)]}"))
-        elif kind == EventKind.COLLISION_DRONE and (drone < other or other < 0):
-            said.append((time, f"Drones {drone + 1} and {other + 1} collide"))
+        if kind == EventKind.COLLISION_DRONE:
+            if drone < other or other < 0:
+                said.append((time, f"Drones {drone + 1} and {other + 1} collide"))
+        elif kind in COLLISION_KINDS:
+            said.append((time, f"Drone {drone + 1} {tuple(EventKind)[kind].said}"))
         elif kind == EventKind.FINISH:
             place = course.result.ranking.index(drone) + 1
             said.append(

@@ -1,38 +1,15 @@
-// Light and dark: what the system prefers until the user says otherwise. Colours of the scene live here, the rest in CSS.
+// Light and dark: what the system prefers until the user says otherwise.
 
+import palette from "../../../src/cruise/palette.json" with { type: "json" };
+
+// How the scene is lit; its colours are those of src/cruise/palette.json.
+const LIGHTS = {
+  dark: { sky: "#dbe7ff", skyLight: 1.5, sunLight: 1.9, shadow: 0.55, speedScale: [0.22, 1.0] },
+  light: { sky: "#ffffff", skyLight: 2.3, sunLight: 1.6, shadow: 0.4, speedScale: [0.0, 0.86] },
+};
 const SCENES = {
-  dark: {
-    background: "#0a0e15",
-    ground: "#1a2230",
-    grid: "#3d4b61",
-    gate: "#8793a6",
-    gateStrip: "#dfe7f2",
-    highlight: "#f0e442",
-    arms: "#8b95a5",
-    crashed: "#5b6472",
-    sky: "#dbe7ff",
-    skyLight: 1.5,
-    sunLight: 1.9,
-    shadow: 0.55,
-    speedScale: [0.22, 1.0],
-    black: "#ffffff", // a black drone would vanish
-  },
-  light: {
-    background: "#e9edf2",
-    ground: "#fbfcfd",
-    grid: "#bcc6d2",
-    gate: "#77818f",
-    gateStrip: "#39424e",
-    highlight: "#e6007e",
-    arms: "#4d5662",
-    crashed: "#9aa3ad",
-    sky: "#ffffff",
-    skyLight: 2.3,
-    sunLight: 1.6,
-    shadow: 0.4,
-    speedScale: [0.0, 0.86],
-    black: "#000000",
-  },
+  dark: { ...palette.dark.scene, ...LIGHTS.dark },
+  light: { ...palette.light.scene, ...LIGHTS.light },
 };
 
 export class Theme {

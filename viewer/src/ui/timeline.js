@@ -176,7 +176,7 @@ export class Timeline {
     for (const event of race.events) {
       const drone = race.racers[event.drone];
       const [x, y] = [this.x(event.time), lane(event.drone)];
-      const draw = event.kind.startsWith("collision") ? cross : SIGNS[event.kind];
+      const draw = event.kind.startsWith("collision") ? cross : (SIGNS[event.kind] ?? ring);
       draw(context, x, y, colourOf(drone).colour, getComputedStyle(this.root).getPropertyValue("--dock"));
       this.marks.push({ ...event, x, y });
     }

@@ -1,12 +1,5 @@
 // What the page says of events and times.
 
-const CRASHES = {
-  collision_ground: "hits the ground",
-  collision_gate_frame: "hits gate",
-  collision_bounds: "leaves the track",
-  collision_flip: "flips over",
-};
-
 /** One short sentence about an event of a race. */
 export function describe(race, { kind, drone, gate, other }) {
   const who = `Drone ${drone + 1}`;
@@ -15,10 +8,11 @@ export function describe(race, { kind, drone, gate, other }) {
     const [a, b] = [drone, other].sort((x, y) => x - y);
     return other < 0 ? `${who} hits a drone` : `Drones ${a + 1} and ${b + 1} collide`;
   }
+  if (kind === "collision_gate_frame") return `${who} hits gate ${gate + 1}`;
   if (kind === "crossing") return `${who} passes gate ${gate + 1}`;
   if (kind === "missed_gate") return `${who} misses gate ${gate + 1}`;
   if (kind === "finish") return `${who} finishes${place(race, drone)}`;
-  return `${who} ${CRASHES[kind] ?? kind.replaceAll("_", " ")}${gate >= 0 ? ` ${gate + 1}` : ""}`;
+  return `${who} ${race.said[kind]}`;
 }
 
 function place(race, drone) {

@@ -2,6 +2,8 @@
 
 import { MathUtils, Matrix4, Quaternion, Vector3 } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
+import { rim } from "./gates.js";
+import { cornersOf } from "./solids.js";
 
 export const CAMERAS = ["orbit", "chase", "first-person", "top"];
 
@@ -11,6 +13,13 @@ const HOME = { azimuth: -62, elevation: 30 }; // of the free camera at first [de
 const CHASE = { behind: 2.3, above: 0.75, ahead: 1.6 }; // [m]
 const UPTILT = { body: 25, flight: 10 }; // of the camera in the nose against the body [deg]
 const LEAST_HEIGHT = 0.25; // of the chasing camera [m]
+const ROOM = 0.2; // beside the frames of gates [m]
+const SPARE = 0.9; // above gates, for their numbers [m]
+const TALLEST = 2.5; // solids are looked for no higher than this above the highest gate [m]
+const SMALLEST = 4; // reach of a scene from its middle, at least [m]
+const FARTHEST = 12; // the free camera can go away, over the reach of the scene
+const HORIZON = 40; // how far is seen, over the reach of the scene
+const NEAR = { least: 0.05, share: 2e-3 }; // what is nearer is not drawn [m], over the distance of what is looked at
 const UP = new Vector3(0, 0, 1);
 
 export class Cameras {
@@ -18,7 +27,7 @@ export class Cameras {
     this.camera = camera;
     this.mode = "orbit";
     this.orbit = new OrbitControls(camera, element);
-    Object.assign(this.orbit, { enableDamping: false, minDistance: 0.5, maxDistance: 200, maxPolarAngle: 1.55 });
+    Object.assign(this.orbit, { enableDamping: false, minDistance: 0.5, maxPolarAngle: 1.55 });
     this.home = null; // where the free camera is; null until it is placed
     this.moved = false; // by the user
     this.orbit.addEventListener("start", () => (this.moved = true));
@@ -26,16 +35,22 @@ export class Cameras {
     this.size = { width: 1, height: 1 };
     this.shift = [0, 0]; // of the picture's middle, away from the panels [px]
     this.points = [];
+    this.middle = new Vector3();
+    this.reach = SMALLEST;
   }
 
   /** What the free camera and the one above must show: the track's gates down to the ground. */
   frame(race) {
-    this.points = race.gates.flatMap(({ position: [x, y, z], size: [width, height] }) =>
-      [-1, 1].flatMap((side) => [
-        new Vector3(x + (side * width) / 1.4, y + (side * width) / 1.4, z + height / 2 + 0.9),
-        new Vector3(x - (side * width) / 1.4, y + (side * width) / 1.4, 0),
-      ]),
-    );
+    const rims = race.gates.flatMap((gate) => rim(gate, race.frame_width + ROOM));
+    const tops = rims.map(({ x, y, z }) => new Vector3(x, y, z + SPARE));
+    const highest = Math.max(...rims.map(({ z }) => z)) + TALLEST;
+    const corners = race.solids.flatMap(cornersOf);
+    corners.forEach((corner) => (corner.z = Math.min(Math.max(corner.z, 0), highest)));
+    this.points = [...rims, ...corners].map(({ x, y }) => new Vector3(x, y, 0)).concat(tops, corners);
+    this.middle = this.points.reduce((sum, point) => sum.add(point), new Vector3()).divideScalar(this.points.length);
+    this.reach = Math.max(SMALLEST, ...this.points.map((point) => point.distanceTo(this.middle)));
+    this.orbit.maxDistance = FARTHEST * this.reach;
+    this.camera.far = HORIZON * this.reach;
     this.reset();
   }
 
@@ -71,6 +86,10 @@ export class Cameras {
     if (this.mode === "chase") this.#chase(race, drone, t);
     if (this.mode === "first-person") this.#ride(race, drone, t);
     if (this.mode === "top") this.#above();
+    // A scene of a kilometre and one of a room: as near as the picture needs, or distant things flicker.
+    const away = centred ? 0 : camera.position.distanceTo(this.middle) - this.reach;
+    camera.near = Math.max(NEAR.least, NEAR.share * away);
+    camera.updateProjectionMatrix();
     camera.updateMatrixWorld();
   }
 
@@ -130,9 +149,9 @@ export class Cameras {
     const { width, height } = this.#freeSize();
     const tangent = Math.tan(MathUtils.degToRad(this.camera.fov) / 2);
     const limit = [(tangent * width) / this.size.height, (tangent * height) / this.size.height];
-    const target = new Vector3();
+    const target = this.middle.clone().applyMatrix4(view);
     const low = 0.1;
-    let distance = 400;
+    let distance = 4 * this.reach;
     for (let round = 0; round < 40; round++) {
       const [share, middle] = spread(seen, target, distance, limit);
       target.x += middle[0];

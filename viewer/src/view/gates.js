@@ -5,6 +5,7 @@ import {
   BufferGeometry,
   Color,
   DoubleSide,
+  ExtrudeGeometry,
   Float32BufferAttribute,
   Group,
   LineBasicMaterial,
@@ -12,8 +13,10 @@ import {
   Mesh,
   MeshBasicMaterial,
   MeshStandardMaterial,
+  Path,
   Shape,
   ShapeGeometry,
+  Vector3,
 } from "three";
 import { mergeGeometries } from "three/addons/utils/BufferGeometryUtils.js";
 
@@ -35,20 +38,19 @@ export class Gates {
     this.colours = { idle: new Color(), next: new Color() };
   }
 
-  #build({ position, yaw, size: [width, height] }, frame) {
-    const [x, y, z] = position;
-    const group = new Group();
-    group.position.set(x, y, z);
-    group.rotation.z = yaw;
+  #build(gate, frame) {
+    const [x, y, z] = gate.position;
+    const group = placed(gate);
     const strip = new MeshBasicMaterial();
-    group.add(new Mesh(border(width + 2 * STRIP, height + 2 * STRIP, frame - STRIP, DEPTH), this.frameMaterial));
-    group.add(new Mesh(border(width, height, STRIP, DEPTH + 0.02), strip));
-    group.add(new LineSegments(stilts(width, height, frame, z), this.lineMaterial));
+    const beam = Math.max(frame - STRIP, 0.01);
+    group.add(new Mesh(border(gate, STRIP, beam, DEPTH), this.frameMaterial));
+    group.add(new Mesh(border(gate, 0, STRIP, DEPTH + 0.02), strip));
+    const corners = rim(gate, frame);
     const arrow = new Mesh(arrowGeometry(), this.arrowMaterial);
-    arrow.position.z = 0.012 - z;
-    group.add(arrow);
-    this.group.add(group);
-    return { position, top: [x, y, z + height / 2 + frame], strip };
+    arrow.position.set(x, y, 0.012);
+    arrow.rotation.z = gate.yaw;
+    this.group.add(group, new LineSegments(stilts(gate, frame), this.lineMaterial), arrow);
+    return { position: gate.position, top: [x, y, Math.max(...corners.map((corner) => corner.z))], strip };
   }
 
   paint(theme) {
@@ -78,20 +80,59 @@ function lastBefore(crossings, t) {
   return found;
 }
 
-/** Four beams of a width round an opening, in the plane of y and z. */
-function border(width, height, beam, depth) {
+/** A group in the frame of a gate: x along its normal, y to the left, z up. */
+function placed({ position, yaw, pitch, roll }) {
+  const group = new Group();
+  group.position.set(...position);
+  group.rotation.set(roll, pitch, yaw, "ZYX"); // Rz(yaw) Ry(pitch) Rx(roll)
+  group.updateMatrixWorld();
+  return group;
+}
+
+/** The corners of an opening, or of its frame `beyond` it, in the world; of a round one its four extremes. */
+export function rim(gate, beyond = 0) {
+  const { matrixWorld } = placed(gate);
+  const [side, height] = gate.size.map((size) => size / 2 + beyond);
+  const corners = gate.shape === "round" ? ROUND : SQUARE;
+  return corners.map(([y, z]) => new Vector3(0, y * side, z * height).applyMatrix4(matrixWorld));
+}
+
+const SQUARE = [
+  [1, -1],
+  [-1, -1],
+  [-1, 1],
+  [1, 1],
+];
+const ROUND = [
+  [1, 0],
+  [-1, 0],
+  [0, 1],
+  [0, -1],
+];
+
+/** A border of a width round an opening, from `inner` beyond its edge on, in the plane of y and z. */
+function border({ shape, size: [width, height] }, inner, beam, depth) {
+  if (shape === "round") return ring(width / 2 + inner, beam, depth);
+  const [across, up] = [width + 2 * inner, height + 2 * inner];
   const parts = [-1, 1].flatMap((side) => [
-    new BoxGeometry(depth, width + 2 * beam, beam).translate(0, 0, (side * (height + beam)) / 2),
-    new BoxGeometry(depth, beam, height).translate(0, (side * (width + beam)) / 2, 0),
+    new BoxGeometry(depth, across + 2 * beam, beam).translate(0, 0, (side * (up + beam)) / 2),
+    new BoxGeometry(depth, beam, up).translate(0, (side * (across + beam)) / 2, 0),
   ]);
   return mergeGeometries(parts);
 }
 
-/** Lines from the lower corners to the ground, where the gate hangs above it. */
-function stilts(width, height, frame, z) {
-  const [side, low] = [width / 2 + frame / 2, -height / 2 - frame];
-  const ground = Math.min(-z, low);
-  const points = [-side, side].flatMap((y) => [0, y, low, 0, y, ground]);
+function ring(radius, beam, depth) {
+  const disc = new Shape().absarc(0, 0, radius + beam, 0, 2 * Math.PI);
+  disc.holes.push(new Path().absarc(0, 0, radius, 0, 2 * Math.PI));
+  const options = { depth, bevelEnabled: false, curveSegments: 48 };
+  return new ExtrudeGeometry(disc, options).translate(0, 0, -depth / 2).rotateY(Math.PI / 2);
+}
+
+/** Lines to the ground from the two lower corners of a frame, or from the sides of a round one. */
+function stilts(gate, frame) {
+  const corners = rim(gate, frame / 2);
+  const feet = gate.shape === "round" ? corners.slice(0, 2) : corners.sort((a, b) => a.z - b.z).slice(0, 2);
+  const points = feet.flatMap(({ x, y, z }) => [x, y, Math.max(z, 0), x, y, 0]);
   return new BufferGeometry().setAttribute("position", new Float32BufferAttribute(points, 3));
 }
 

@@ -17,7 +17,7 @@ import {
 
 Object3D.DEFAULT_UP.set(0, 0, 1);
 
-const GROUND_SIZE = 600; // [m]
+const GROUND = 24; // half its side, over the radius of its bright part: beyond five of them nothing can be seen
 const LARGEST_PIXEL_RATIO = 2; // beyond it nobody sees a difference, but every frame costs more
 
 export class Stage {
@@ -49,6 +49,7 @@ export class Stage {
     this.ground.material.uniforms.centre.value.set(centre.x, centre.y);
     this.ground.material.uniforms.radius.value = radius;
     this.ground.position.set(centre.x, centre.y, 0);
+    this.ground.scale.setScalar(GROUND * radius);
   }
 
   paint(theme) {
@@ -79,7 +80,7 @@ function makeGround() {
   };
   const material = new ShaderMaterial({ uniforms, vertexShader: GROUND_VERTEX, fragmentShader: GROUND_FRAGMENT });
   material.depthWrite = false;
-  const mesh = new Mesh(new PlaneGeometry(GROUND_SIZE, GROUND_SIZE), material);
+  const mesh = new Mesh(new PlaneGeometry(2, 2), material);
   mesh.renderOrder = -2;
   return mesh;
 }

@@ -8,13 +8,17 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from cruise.config import Track
+from cruise.config import Gate, Track
+from cruise.racing.clearance import clearance
+from cruise.racing.solids import outlines
 from cruise.racing.ways import ways
 from cruise.vector import dot
 
 SPACING = 0.03  # of the table's samples, about [m]
 FEWEST, MOST = 256, 200_000  # samples
 HALF_CORRIDOR = 1.5  # half width and half height of the corridor away from gates [m]
+NARROWEST = 0.05  # half width or half height of the corridor beside a solid in whose way it lies [m]
+UPRIGHT = 0.05  # level part of a unit tangent below which a curve is upright
 NARROWS = 3.0  # within this distance of a gate the corridor narrows to its opening [m]
 NEWTON_STEPS, LONGEST_STEP = 3, 1.0  # of a projection [m]
 START_BEHIND, START_BEYOND = 25.0, 1.0  # a drone at the start is looked for from here before its gate to beyond it [m]
@@ -64,7 +68,7 @@ def make_centre_line(track: Track) -> CentreLine:
     samples = min(max(math.ceil(length / SPACING), FEWEST), MOST)
     s = np.arange(samples) * length / samples
     tangent = _unit(_resample(s, progress, tangent))
-    left = _unit(np.stack([-tangent[:, 1], tangent[:, 0], np.zeros(samples)], axis=1))
+    left = _level_left(tangent)
     point, up = _resample(s, progress, point), np.cross(tangent, left)
     ends = np.cumsum([len(piece.point_w) for piece in pieces])
     gate_progress = progress[np.concatenate([[0], ends[:-1]])]
@@ -73,7 +77,7 @@ def make_centre_line(track: Track) -> CentreLine:
         tangent_w=_rows(tangent),
         left_w=_rows(left),
         up_w=_rows(up),
-        half=_corridor(track, s, gate_progress, length),
+        half=_beside_solids(track, point, _corridor(track, s, gate_progress, length)),
         curvature=np.interp(s, progress, curvature).astype(np.float32),
         gate_progress=gate_progress.astype(np.float32),
         length=length,
@@ -86,9 +90,47 @@ def _corridor(track: Track, s: np.ndarray, gate_progress: np.ndarray, length: fl
     around = np.concatenate([gate_progress[-1:] - length, gate_progress, gate_progress[:1] + length])
     after = np.searchsorted(around, s, side="right")
     nearest = after - (s - around[after - 1] < around[after] - s)
-    opening = np.array([[gate.width / 2, gate.height / 2] for gate in track.gates])[(nearest - 1) % gates].T
+    opening = np.array([_free(gate) for gate in track.gates])[(nearest - 1) % gates].T
     blend = 0.5 - 0.5 * np.cos(np.pi * np.clip(np.abs(s - around[nearest]) / NARROWS, 0.0, 1.0))
     return (opening + blend * (HALF_CORRIDOR - opening)).astype(np.float32)
+
+
+def _free(gate: Gate) -> tuple[float, float]:
+    """Half width and half height of the largest level rectangle of the opening's proportions within it [m]."""
+    half_width, half_height = gate.width / 2, gate.height / 2
+    if gate.shape == "round":
+        return half_width / math.sqrt(2), half_width / math.sqrt(2)
+    cos, sin = abs(math.cos(gate.roll)), abs(math.sin(gate.roll))
+    across, upward = half_width * cos + half_height * sin, half_width * sin + half_height * cos
+    share = min(half_width / across, half_height / upward)
+    return share * half_width, share * half_height
+
+
+def _beside_solids(track: Track, point: np.ndarray, half: np.ndarray) -> np.ndarray:
+    """The corridor [2, M], narrowed beside poles and walls so that it ends at them, and at the box of the track."""
+    width, height = half.astype(np.float64)
+    low, high = np.array(track.bounds_low), np.array(track.bounds_high)
+    walls = np.minimum(point[:, :2] - low[:2], high[:2] - point[:, :2]).min(axis=1)
+    width, height = (
+        np.minimum(one, np.maximum(room, NARROWEST)) for one, room in ((width, walls), (height, high[2] - point[:, 2]))
+    )
+    for solid in outlines(track.obstacles):
+        beside, above = clearance(solid, tuple(point.T))
+        meets = (beside < width) & (above < height)
+        width = np.where(meets & (beside >= above), np.maximum(beside, NARROWEST), width)
+        height = np.where(meets & (beside < above), np.maximum(above, NARROWEST), height)
+    return np.stack([width, height]).astype(np.float32)
+
+
+def _level_left(tangent: np.ndarray) -> np.ndarray:
+    """[M, 3] level normals to the left; where the curve is upright, the last one before, at right angles to it."""
+    left = np.stack([-tangent[:, 1], tangent[:, 0], np.zeros(len(tangent))], axis=1)
+    level = np.linalg.norm(left, axis=1) > UPRIGHT
+    if not level.all():
+        last = np.maximum.accumulate(np.where(level, np.arange(len(level)), -1))
+        left = left[np.where(last < 0, np.flatnonzero(level)[-1] if level.any() else 0, last)]
+        left = left - (left * tangent).sum(axis=1, keepdims=True) * tangent
+    return _unit(left)
 
 
 def frame_at(line: CentreLine, progress: Float[Array, "*B"]) -> Frame:

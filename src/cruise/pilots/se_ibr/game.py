@@ -18,6 +18,7 @@ from cruise.racing.field import opponent, opponents
 from cruise.vector import dot, norm
 
 GROUND_CLEARANCE = 0.3  # no plan goes lower [m]
+LEAST_RISE = 1e-2  # of the corridor's upward axis where the centre line is upright
 LEAST_HALF = 0.05  # of a corridor, whatever the margin [m]
 MOST_LOST = 1.0  # progress that an opponent is taken to lose, per metre and step [-]
 FIRST_SPEED = 0.5  # of the first guess, as a share of the top speed
@@ -92,7 +93,7 @@ def linearised(
     towards, reach = _separating(plan.position_w, traffic.airborne, style.separation)
     reward = alpha * what_others_lose(plan.multipliers.collision, towards)
     half = jnp.maximum(frame.half - style.margin, LEAST_HALF)
-    floor = (GROUND_CLEARANCE - frame.point_w[2]) / frame.up_w[2]
+    floor = (GROUND_CLEARANCE - frame.point_w[2]) / jnp.maximum(frame.up_w[2], LEAST_RISE)
     programme = Programme(
         position_w=traffic.position_w,
         velocity_w=traffic.velocity_w,

@@ -9,7 +9,6 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from cruise.config import Vehicle
-from cruise.dynamics import RigidBody
 from cruise.env.race_env import RaceEnv
 from cruise.env.types import RaceState
 from cruise.errors import CruiseError
@@ -20,9 +19,9 @@ from cruise.pilots.se_ibr.options import Algorithm, Style
 from cruise.pilots.se_ibr.settings import Setting, style_of
 from cruise.pilots.se_ibr.tracking import Moment, Tracker, tracker_of
 from cruise.pilots.se_ibr.trajectory import make_trajectory
-from cruise.presets import VEHICLES
 from cruise.racing.field import rows
 from cruise.vector import norm
+from cruise.vehicles import find_vehicle, fly_alike, reference_to
 
 
 class PlannerMemory(NamedTuple):
@@ -51,22 +50,23 @@ class SeIbrPilot(eqx.Module):
     name: str = eqx.field(static=True, default="se-ibr")
     algorithm: Algorithm = eqx.field(static=True, default=Algorithm())
     agility: float = eqx.field(static=True, default=7.5)
-    vehicle: str = eqx.field(static=True, default="paper")
+    vehicle: str | Vehicle = eqx.field(static=True, default="paper")
 
     def for_vehicle(self, vehicle: Vehicle) -> "SeIbrPilot":
         """The same pilot in another vehicle; plans of a faster one look less far ahead in time."""
-        if vehicle.name == self.vehicle:
+        own = find_vehicle(self.vehicle)
+        if vehicle == own:
             return self
-        slower = VEHICLES[self.vehicle].tracking.speed / vehicle.tracking.speed
+        slower = own.tracking.speed / vehicle.tracking.speed
         dt = max(slower * self.algorithm.dt, self.algorithm.period)
         algorithm = dataclasses.replace(self.algorithm, dt=dt)
-        return dataclasses.replace(self, algorithm=algorithm, vehicle=vehicle.name, agility=vehicle.agility)
+        return dataclasses.replace(self, algorithm=algorithm, vehicle=reference_to(vehicle), agility=vehicle.agility)
 
     def init(self, env: RaceEnv, drones: tuple[int, ...], state: RaceState) -> PlannerMemory:
         """A first guess along the centre line. Raises CruiseError where the race's vehicle is not the pilot's."""
-        vehicle = VEHICLES[self.vehicle]
-        if (vehicle.airframe is None) != isinstance(state.drones.body, RigidBody):
-            raise CruiseError(f"pilot {self.name!r} flies vehicle {self.vehicle!r}, which is not the one of this race")
+        vehicle = find_vehicle(self.vehicle)
+        if not fly_alike(vehicle, env.vehicle):
+            raise CruiseError(f"pilot {self.name!r} flies vehicle {vehicle.name!r}, which is not the one of this race")
         must_know(env.track, self.name)
         line = make_centre_line(env.track)
         style = self.style if isinstance(self.style, Style) else style_of(self.style, env.track, vehicle)
@@ -102,7 +102,7 @@ class SeIbrPilot(eqx.Module):
         return memory._replace(age=memory.age + 1), rows(action, drones, axis=1)
 
     def _tracker(self, env: RaceEnv) -> Tracker:
-        return tracker_of(VEHICLES[self.vehicle], env.dynamics)
+        return tracker_of(find_vehicle(self.vehicle), env.dynamics)
 
     def _period(self, env: RaceEnv) -> int:
         """Control steps from one planning to the next."""

@@ -31,7 +31,7 @@ def style_of(setting: Setting, track: Track, vehicle: Vehicle) -> Style:
     """How to fly a track with a vehicle in a setting."""
     if setting == "paper":
         return paper_style(track)
-    return tuned_style(track) if vehicle.airframe is None else style_for(vehicle)
+    return tuned_style(track) if vehicle.flown_by == "cascade" else style_for(vehicle)
 
 
 def paper_style(track: Track) -> Style:

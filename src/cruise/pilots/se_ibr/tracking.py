@@ -113,4 +113,5 @@ Tracker = CascadeTracker | ReferenceTracker
 
 def tracker_of(vehicle: Vehicle, dynamics: Dynamics) -> Tracker:
     """How plans are flown with a vehicle."""
-    return CascadeTracker(vehicle) if vehicle.airframe is None else ReferenceTracker(dynamics)
+    by_cascade = vehicle.flown_by == "cascade" and vehicle.told_directly
+    return CascadeTracker(vehicle) if by_cascade else ReferenceTracker(dynamics)

@@ -6,10 +6,11 @@ from typing import NamedTuple
 import numpy as np
 from PIL import Image, ImageDraw
 
-from cruise.storage.race_log import RaceLog
-from cruise.viewer.film import look
-from cruise.viewer.film.camera import Camera
-from cruise.viewer.film.look import Colour, font
+from cruise.racing.shapes import opening
+from cruise.viewer.painting import look
+from cruise.viewer.painting.camera import Camera
+from cruise.viewer.painting.look import Colour, font
+from cruise.viewer.painting.scenery import Scenery
 from cruise.viewer.standings import Course, Standing
 
 SAID = 2.2  # how long a sentence stays [s]
@@ -31,10 +32,12 @@ class Layout(NamedTuple):
         return cls(text, round(1.75 * text), round(1.2 * text), round(17 * text))
 
 
-def write_over(picture: Image.Image, course: Course, camera: Camera, t: float, order: list[Standing]) -> None:
+def write_over(
+    picture: Image.Image, course: Course, view: tuple[Scenery, Camera], t: float, order: list[Standing]
+) -> None:
     """Everything but the names of drones, which need to know where they are."""
     draw, layout = ImageDraw.Draw(picture), Layout.of(picture.width)
-    _names_of_gates(draw, course.log, camera, layout)
+    write_gates(draw, *view, int(course.log.next_gate[0, 0]))
     _board(draw, course, layout, t, order)
     _clock(draw, picture.width, layout, t)
 
@@ -63,10 +66,12 @@ def write_comment(picture: Image.Image, said: list[tuple[float, str]], t: float)
     draw.text((x, y), recent[-1], look.INK, letters, anchor="mm")
 
 
-def _names_of_gates(draw: ImageDraw.ImageDraw, log: RaceLog, camera: Camera, layout: Layout) -> None:
-    tops = log.gate_position + np.array([0.0, 0.0, 1.0]) * (log.gate_size[:, 1:] / 2 + log.frame_width)
-    for gate, (x, y) in enumerate(camera.project(tops)[0]):
-        text = f"{gate + 1}" + (" start" if gate == log.next_gate[0, 0] else "")
+def write_gates(draw: ImageDraw.ImageDraw, scenery: Scenery, camera: Camera, first: int) -> None:
+    """The number of every gate above it, and which is the first."""
+    layout = Layout.of(camera.size[0])
+    tops = [[*gate.position_w[:2], opening(gate, scenery.frame_width)[:, 2].max()] for gate in scenery.gates]
+    for gate, (x, y) in enumerate(camera.project(np.array(tops))[0]):
+        text = f"{gate + 1}" + (" start" if gate == first else "")
         draw.text((x, y - 0.8 * layout.text), text, look.MUTED, font(layout.text), anchor="mm")
 
 

@@ -14,8 +14,8 @@ from PIL import Image
 from cruise.errors import CruiseError, one_line
 from cruise.extras import import_extra
 from cruise.storage.race_log import RaceLog
-from cruise.viewer.film import look
 from cruise.viewer.film.film import frames
+from cruise.viewer.painting import look
 
 GIF_SIZE, GIF_RATE = (800, 450), 100 / 6  # a GIF counts hundredths of a second
 MP4_SIZE, MP4_RATE = (1280, 720), 25.0
@@ -62,7 +62,7 @@ def _shared_palette(picture: Image.Image, drones: int) -> Image.Image:
     """Colours for all frames, so that what does not move does not change: many of the ground, some of all else."""
     ground = picture.quantize(GROUND_COLOURS, Image.Quantize.MEDIANCUT).getpalette() or []
     own = dict.fromkeys(look.colour_of(drone) for drone in range(drones))
-    bright = [*own, look.INK, look.STRIP, look.HIGHLIGHT, look.GATE, look.MUTED, look.WARNING, look.ARMS]
+    bright = [*own, look.INK, look.STRIP, look.HIGHLIGHT, look.GATE, look.SOLID, look.MUTED, look.WARNING, look.ARMS]
     shades = [look.mix(colour, look.GROUND, share) for share in SHADES for colour in bright]
     colours = [*ground[: 3 * GROUND_COLOURS], *(part for shade in shades for part in shade)]
     palette = Image.new("P", (1, 1))

@@ -1,0 +1,95 @@
+"""Poles, walls and whatever else stands on a track: declared here and nowhere else. Plain Python and NumPy.
+
+A new kind is a dataclass in `cruise.config`, a `SolidKind` here and a `COLLISION_` of its name in
+`cruise.racing.events`. Its outline, an upright box or cylinder, is what logs store and screens draw.
+"""
+
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from cruise import geometry
+from cruise.config import Obstacle, Pole, Vec3, Wall
+from cruise.geometry import Number, Vector
+
+
+class Outline(NamedTuple):
+    """The upright box that encloses a solid, or the cylinder in it."""
+
+    kind: str  # of the solid
+    shape: Literal["box", "cylinder"]
+    centre_w: Vec3  # [m]
+    size: Vec3  # along its heading, across it, height; a cylinder's diameter twice [m]
+    yaw: float = 0.0  # heading of its first side [rad]
+
+
+class SolidKind(NamedTuple):
+    """What the package knows of one kind of solid."""
+
+    name: str  # of `Collisions` and events
+    table: str  # [[...]] in a track file
+    made_of: type
+    column: Callable[[Any], tuple[float, ...]]  # its numbers, as `contact` takes them
+    contact: Callable[[Any, Vector, Vector], Number]  # (numbers, start, end) -> fraction of the step, or NEVER
+    outline: Callable[[Any], Outline]
+
+
+def _pole_contact(pole: Any, start_w: Vector, end_w: Vector) -> Number:
+    """`pole`: middle of its foot, radius, height."""
+    x, y, z, radius, height = (pole[i] for i in range(5))
+    start, end = ((point[0] - x, point[1] - y, point[2] - z) for point in (start_w, end_w))
+    return geometry.meet_cylinder(start, end, radius, height)
+
+
+def _wall_contact(wall: Any, start_w: Vector, end_w: Vector) -> Number:
+    """`wall`: its centre, heading, half size."""
+    x, y, z, cos_yaw, sin_yaw, *half = (wall[i] for i in range(8))
+    start, end = (
+        geometry.to_gate((cos_yaw, sin_yaw), (point[0] - x, point[1] - y, point[2] - z)) for point in (start_w, end_w)
+    )
+    return geometry.meet_box(start, end, half)
+
+
+def _pole_outline(pole: Pole) -> Outline:
+    (x, y, z), width = pole.base_w, 2 * pole.radius
+    return Outline("pole", "cylinder", (x, y, z + pole.height / 2), (width, width, pole.height))
+
+
+KINDS = (
+    SolidKind(
+        name="pole",
+        table="poles",
+        made_of=Pole,
+        column=lambda pole: (*pole.base_w, pole.radius, pole.height),
+        contact=_pole_contact,
+        outline=_pole_outline,
+    ),
+    SolidKind(
+        name="wall",
+        table="walls",
+        made_of=Wall,
+        column=lambda wall: (*wall.position_w, *geometry.heading_of(wall.yaw), *(side / 2 for side in wall.size)),
+        contact=_wall_contact,
+        outline=lambda wall: Outline("wall", "box", wall.position_w, wall.size, wall.yaw),
+    ),
+)
+
+
+def kind_of(obstacle: Obstacle) -> SolidKind:
+    """The kind of a solid."""
+    return next(kind for kind in KINDS if isinstance(obstacle, kind.made_of))
+
+
+def solid_columns(obstacles: Iterable[Obstacle]) -> dict[str, np.ndarray]:
+    """By kind, the numbers of all solids of that kind [C, S]; nothing for kinds that are not there."""
+    columns: dict[str, list[tuple[float, ...]]] = {}
+    for obstacle in obstacles:
+        kind = kind_of(obstacle)
+        columns.setdefault(kind.name, []).append(kind.column(obstacle))
+    return {name: np.array(rows).T for name, rows in columns.items()}
+
+
+def outlines(obstacles: Iterable[Obstacle]) -> Iterator[Outline]:
+    """What each solid looks like from outside."""
+    return (kind_of(obstacle).outline(obstacle) for obstacle in obstacles)

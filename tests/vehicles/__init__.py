@@ -1,0 +1,1 @@
+"""Vehicles as objects and files."""
