@@ -10,6 +10,7 @@ from cruise.errors import CruiseError
 from cruise.evaluation import matches
 from cruise.evaluation.pilot_choice import PilotChoice
 from cruise.evaluation.summary import Evaluation
+from cruise.precision import single_precision
 from cruise.racing.track_file import load_track
 from cruise.storage.policy_file import load_policy
 from cruise.storage.race_log import RaceLog
@@ -21,6 +22,7 @@ __all__ = ["evaluate", "load_policy", "load_track", "make_env", "race", "replay"
 TrackChoice = Track | str | os.PathLike[str]
 
 
+@single_precision
 def make_env(
     track: TrackChoice = "ring",
     drones: int = 4,
@@ -49,6 +51,7 @@ def make_env(
     return make_race_env(_track(track), drones, load_vehicle(vehicle), observation, reward)
 
 
+@single_precision
 def race(
     track: TrackChoice = "ring",
     drones: int = 4,
@@ -82,6 +85,7 @@ def race(
     return next(matches.run_races(match, 1, seed))
 
 
+@single_precision
 def evaluate(
     track: TrackChoice = "ring",
     drones: int = 4,

@@ -7,6 +7,7 @@ from pathlib import Path
 from cruise.config import TrainConfig
 from cruise.evaluation.matches import evaluate_policy
 from cruise.pilots.neural import NeuralPilot
+from cruise.precision import single_precision
 from cruise.processor import use_wide_vectors
 from cruise.racing.random_track import training_track, unseen_tracks
 from cruise.racing.track_file import RANDOM
@@ -24,6 +25,7 @@ __all__ = ["finish_run", "train"]
 CURVES = "training.png"  # learning curves in the folder of a run
 
 
+@single_precision
 def train(
     config: TrainConfig | None = None,
     out: str | os.PathLike[str] | None = None,

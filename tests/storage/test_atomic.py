@@ -74,3 +74,47 @@ def test_unwritable_and_unreadable_places_give_one_line(tmp_path):
         with pytest.raises(CruiseError) as error:
             action()
         assert "\n" not in str(error.value)
+
+
+def test_a_file_that_was_there_keeps_its_permissions_and_links_go_on_pointing(tmp_path):
+    real, link, chain, dangling = (tmp_path / name for name in ("real", "link", "chain", "dangling"))
+    real.write_bytes(b"old")
+    real.chmod(0o640)
+    link.symlink_to("real")
+    chain.symlink_to(link)
+    dangling.symlink_to("new")
+    for path, content in ((real, b"one"), (link, b"two"), (chain, b"three")):
+        write_atomically(path, content)
+        assert real.read_bytes() == content
+        assert real.stat().st_mode & 0o777 == 0o640
+    write_atomically(dangling, b"four")
+    assert (tmp_path / "new").read_bytes() == b"four"
+    assert link.is_symlink()
+    assert chain.is_symlink()
+    assert dangling.is_symlink()
+    assert sorted(os.listdir(tmp_path)) == ["chain", "dangling", "link", "new", "real"]
+
+
+def test_pipes_and_devices_are_written_to(tmp_path):
+    pipe, nowhere = tmp_path / "pipe", tmp_path / "nowhere"
+    os.mkfifo(pipe)
+    nowhere.symlink_to(os.devnull)
+    content = bytes(range(256)) * 100  # less than the reader's own pipe holds
+    with subprocess.Popen(["cat", str(pipe)], stdout=subprocess.PIPE) as reader:
+        write_atomically(pipe, content)
+        assert reader.communicate()[0] == content
+    write_atomically(nowhere, content)
+    assert sorted(os.listdir(tmp_path)) == ["nowhere", "pipe"]
+    if os.path.exists("/dev/full"):
+        (tmp_path / "full").symlink_to("/dev/full")
+        with pytest.raises(CruiseError, match=r"cannot write .*full: No space left on device"):
+            write_atomically(tmp_path / "full", content)
+
+
+def test_the_longest_names_and_loops(tmp_path):
+    write_atomically(tmp_path / ("x" * 255), b"1")
+    write_atomically(tmp_path / ("é" * 127), b"1")
+    assert len(os.listdir(tmp_path)) == 2
+    (tmp_path / "loop").symlink_to("loop")
+    with pytest.raises(CruiseError, match="cannot write"):
+        write_atomically(tmp_path / "loop", b"1")

@@ -23,6 +23,7 @@ from cruise.evaluation.pilot_choice import PilotChoice
 from cruise.pilots.base import Crew, Pilot, crews
 from cruise.pilots.foreign import Commanded
 from cruise.pilots.terms_file import load_all_terms
+from cruise.precision import single_precision
 from cruise.presets import CURRICULUM, REWARDS, curriculum_of
 from cruise.racing.track_file import load_track
 from cruise.storage.policy_file import shipped_name
@@ -87,6 +88,7 @@ class Setup(NamedTuple):
     names: tuple[str, ...]  # of the drones' pilots
 
 
+@single_precision
 def set_up(options: RaceOptions, everybody_learns: bool) -> Setup:
     """What follows from the options.
 

@@ -13,6 +13,7 @@ from cruise.adapters.options import Setup
 from cruise.env.types import RaceState
 from cruise.errors import CruiseError
 from cruise.pilots.python_pilot import separate_python_pilots
+from cruise.precision import single_precision
 from cruise.racing.grid import Start
 from cruise.rollout import ask_python
 
@@ -36,6 +37,7 @@ class Stepped(NamedTuple):
 class Races:
     """Races that are flown from outside."""
 
+    @single_precision
     def __init__(self, setup: Setup, num_races: int, mode: Reset) -> None:
         """Nothing is compiled before the first reset."""
         self.setup, self.num_races = setup, num_races
@@ -49,6 +51,7 @@ class Races:
         """The races as they are, on the device. Raises CruiseError before the first reset."""
         return self._running().state
 
+    @single_precision
     def reset(
         self, seeds: Sequence[int] | None = None, mask: np.ndarray | None = None, start: "StandingStart | None" = None
     ) -> Stepped:
@@ -72,6 +75,7 @@ class Races:
         self._carry, seen = begin(self._plan, keys, grid, old, None if old is None else jnp.asarray(mask))
         return _stepped(seen)
 
+    @single_precision
     def step(self, actions: np.ndarray) -> Stepped:
         """Fly one control step with actions [E, L, A]."""
         given = np.asarray(actions, np.float32)

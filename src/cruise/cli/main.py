@@ -151,7 +151,7 @@ def parse(arguments: list[str]) -> Command:
         close = difflib.get_close_matches(chosen, COMMANDS, n=1)
         hint = f"did you mean {close[0]!r}? " if close else ""
         raise CruiseError(f"unknown command {chosen!r}: {hint}commands: {', '.join(COMMANDS)} (see cruise --help)")
-    kind = _load(COMMANDS[chosen]) if chosen in COMMANDS else None
+    kind: Any = _load(COMMANDS[chosen]) if chosen in COMMANDS else None
     if not hasattr(kind, "usual"):
         return _parse_as(arguments, chosen, kind, None)
     asked = [word for word in arguments if word not in HELP]

@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 import tyro
 from tyro.constructors import PrimitiveConstructorSpec
 
-from cruise.cli.compilation import prepare_training
+from cruise.cli.compilation import prepare_training, start_jax
 from cruise.cli.console import make_console
 from cruise.cli.line_up import described
 from cruise.cli.progress import make_screen
@@ -86,6 +86,7 @@ class Train:
         prepare_training()
         if self.coordinator or self.process:
             self._join()
+        start_jax()
         from cruise.api_training import CURVES, finish_run  # noqa: PLC0415  (imports JAX, as the next five do)
         from cruise.pilots.terms_file import load_all_terms  # noqa: PLC0415
         from cruise.training.devices import choose_devices  # noqa: PLC0415

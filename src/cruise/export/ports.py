@@ -7,7 +7,7 @@ from jaxtyping import Array, Float
 
 from cruise.dynamics.cascade import commanded_acceleration, velocity_error
 from cruise.dynamics.quadrotor import setpoint
-from cruise.env.observation import action_decoder, gate_action
+from cruise.env.observation import find_observation
 from cruise.env.race_env import RaceEnv
 from cruise.storage.onnx_file import Port
 from cruise.storage.policy_file import PolicyMeta
@@ -113,8 +113,8 @@ def network_action(observation: str, env: RaceEnv) -> Port:
     """Output of the bare network on a kind of observation."""
     frame, turned, size = "body: collective thrust, roll, pitch and yaw rate", "", str(env.dynamics.action_size)
     if env.dynamics.action_frame == "world":
-        gate = action_decoder(observation, env.dynamics) is gate_action
-        frame, turned = NETWORK_FRAMES[gate], " only after it is turned into the world"
+        frame = NETWORK_FRAMES[find_observation(observation).action_frame == "gate"]
+        turned = " only after it is turned into the world"
     return Port("action", ("B", size), "float32", "", frame, f"to be clipped to [-1, 1]{turned}")
 
 

@@ -93,7 +93,7 @@ def save_policy(path: StrPath, params: ActorCritic, meta: PolicyMeta) -> Path:
     """
     stem = stem_of(Path(path))
     where = f"policy {stem}"
-    arrays = {name: np.asarray(leaf, STORED) for name, leaf in _named(params).items()}
+    arrays = {name: _as_stored(np.asarray(leaf)) for name, leaf in _named(params).items()}
     network = params.shape
     _check_meta(meta, network, where)
     _check_params(arrays, network, where)
@@ -195,6 +195,11 @@ def _template(network: NetworkShape) -> ActorCritic:
     """The networks as shapes."""
     shapes = eqx.filter_eval_shape(ActorCritic, network, 0.0, jax.random.key(0))
     return jax.tree.map(lambda leaf: jax.ShapeDtypeStruct(leaf.shape, STORED), shapes)
+
+
+def _as_stored(array: np.ndarray) -> np.ndarray:
+    """What was trained in double precision is rounded."""
+    return array.astype(STORED) if array.dtype == np.float64 else array
 
 
 def _named(params: Any) -> dict[str, Any]:

@@ -128,9 +128,7 @@ class Session:
         try:
             hold(self.folder / LOCK)
         except Busy:
-            raise Busy(
-                f"another process is training the run in {self.folder}: wait, or choose another folder"
-            ) from None
+            raise Busy(f"another process is training in {self.folder}: wait for it, or choose another --out") from None
 
     def close(self) -> None:
         """Let other processes have the folder."""
