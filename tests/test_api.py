@@ -2,12 +2,18 @@
 
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import cruise
+from cruise import api_training
+from cruise.config import TrainConfig
 from cruise.errors import CruiseError
+from cruise.racing import random_track
+from cruise.racing.random_track import training_track
+from cruise.training.session import Session
 from tests.storage.logs import small_log
 
 PILOTS = ["chaser", "hover"]
@@ -52,3 +58,23 @@ def test_replay(tmp_path):
     assert page.count('"label":"before"') == page.count('"label":"after"') == 1
     with pytest.raises(CruiseError, match="a replay needs at least one race and a label for each, got 0 and 0"):
         cruise.replay([])
+
+
+def test_a_policy_for_random_tracks_is_measured_on_unseen_ones(monkeypatch):
+    """The tracks of its training are no measure; a run on any other track is measured on that track."""
+    measured = []
+    monkeypatch.setattr(api_training, "evaluate_policy", lambda policy, track, episodes: measured.append(track))
+    monkeypatch.setattr(api_training, "draw_training", lambda *_: None)
+    monkeypatch.setattr(api_training, "read_metrics", lambda folder: [])
+    monkeypatch.setattr(random_track, "TRAINING", 3)
+    for name in ("random", "ring"):
+        config = TrainConfig(track=name)
+        run = object.__new__(Session)
+        run.config, run.track, run.folder = config, training_track(config), Path()
+        run.finish = lambda measure: measure(Path("policy")) or Path("policy")
+        api_training.finish_run(run, 2)
+    unseen, ring = measured
+    trained = set(training_track(TrainConfig(track="random")).variants)
+    assert len(unseen.variants) == random_track.UNSEEN
+    assert not trained & set(unseen.variants)
+    assert ring.name == "ring"

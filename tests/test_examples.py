@@ -10,6 +10,7 @@ from cruise.evaluation.metrics import race_result
 from cruise.evaluation.pilot_choice import find_pilot
 from cruise.export.contract import export_env, make_contract
 from cruise.export.onnx_policy import onnx_model
+from cruise.export.pilot_program import make_model
 from cruise.presets import TRACKS
 from cruise.storage.policy_file import read_policy
 from tests.storage.policies import write_policy
@@ -33,8 +34,10 @@ class Seen:
 
 def test_a_network_of_ones_own_in_onnx(tmp_path, monkeypatch):
     policy = read_policy(write_policy(tmp_path / "duel"))
-    contract = make_contract(policy, TRACKS["ring"], export_env(policy, TRACKS["ring"]), "observation")
-    (tmp_path / "policy.onnx").write_bytes(onnx_model(policy, contract))
+    env = export_env(policy, TRACKS["ring"])
+    model = make_model(policy, env, "observation")
+    contract = make_contract(policy, TRACKS["ring"], env, "observation", model)
+    (tmp_path / "policy.onnx").write_bytes(onnx_model(model, contract))
     monkeypatch.setenv("PILOT_MODEL", str(tmp_path / "policy.onnx"))
     pilot = find_pilot(f"{EXAMPLES}/onnx_pilot.py:Pilot")
     assert (pilot.style, pilot.observation, pilot.name) == ("batch", "extended", "ONNX network")

@@ -6,19 +6,22 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from jax.errors import KeyReuseError
 from scipy.stats import spearmanr
 
-from cruise.config import SelfPlayConfig, TrainConfig
+from cruise.adapters.compiled import Plan, _draw
+from cruise.config import RewardWeights, SelfPlayConfig, TrainConfig
 from cruise.env.race_env import make_race_env
 from cruise.env.randomise import made_for, perturbation
 from cruise.presets import RANDOMISATION, TRACKS, VEHICLES
 from cruise.racing.course import pick
 from cruise.racing.random_track import random_tracks
 from cruise.training.experience import draw
-from cruise.training.trainer import Trainer, _keys_of
+from cruise.training.random_keys import evaluation_keys
+from cruise.training.trainer import Trainer
 from tests.training.runs import TINY, tiny_trainer
 
 DERIVE = ("split", "fold_in")
@@ -74,11 +77,11 @@ def watched(monkeypatch: pytest.MonkeyPatch) -> Iterator[Uses]:
         yield uses
 
 
-def random_env(drones: int = 3):
+def random_env(drones: int = 3, milder_share: float = 0.3):
     """Everything that can be random: vehicle, air, sensors, gates, track, and how much of it."""
     track, full = random_tracks(0, 3), RANDOMISATION["racer"]
     vehicle = made_for(VEHICLES["racer"], full)
-    perturb = perturbation(track, vehicle, full, milder_share=0.3, nominal_share=0.3)
+    perturb = perturbation(track, vehicle, full, milder_share=milder_share, nominal_share=milder_share)
     return make_race_env(track, drones, vehicle, "body", perturb=perturb)
 
 
@@ -106,7 +109,7 @@ def test_a_run_uses_every_key_once(monkeypatch):
             draw(trainer.env, draws, 4, 2)
             jax.random.split(shuffle, trainer.config.ppo.epochs)
     for update in range(3):
-        uses.made.update(names(_keys_of(np.array([3, update], np.uint32))))
+        uses.made.update(names(evaluation_keys(np.array([3, update], np.uint32))))
     assert uses.faults() == []
 
 
@@ -145,12 +148,23 @@ def test_sparring_partners_know_nothing_of_the_learners_noise():
 
 
 def test_starts_know_nothing_of_what_is_random_about_them():
-    env = random_env(1)
+    env = random_env(1, milder_share=0.0)  # a milder race is milder in all
     state = env.reset(jax.random.key(0), (400,))
     height = (state.drones.position_w - pick(env.course_of(state).position_w, state.next_gate))[2]
     parameters, surroundings = state.drones.parameters, state.surroundings
     drawn = [parameters.mass, parameters.thrust_gain, parameters.delay, surroundings.errors.bias[0]]
-    drawn += [surroundings.gusts.phase[0, 0][None], surroundings.errors.noise[0], state.next_gate, height]
+    drawn += [surroundings.gusts.phase[0, 0][None], state.next_gate, height]
     rows = np.array([np.asarray(row).reshape(-1) for row in drawn])
     ranks = spearmanr(rows.T).statistic
     assert np.abs(ranks - np.eye(len(rows))).max() < 0.2  # 4 standard deviations
+
+
+def test_an_adapters_pilots_have_a_key_of_their_own():
+    """What they draw from is no key that any later start of the races comes from."""
+    plan = Plan(random_env(1), (), (0,), "body", RewardWeights(), "disabled", jnp.int32(0))
+    keys, found = jax.random.split(jax.random.key(0), 3), []
+    for _ in range(2):
+        keys, _, spare = _draw(plan, keys)
+        found += names(spare) + names(keys)
+        assert not set(found) & set(names(jax.vmap(lambda key: jax.random.split(key, 8))(keys)))
+    assert len(set(found)) == 12

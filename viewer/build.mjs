@@ -43,12 +43,14 @@ async function makePage() {
   return { page: fill(page, { policy, style, script }), licence: `${licence}\n` };
 }
 
+const GLASS = "d3"; // opacity of panels over the picture
+
 /** Custom properties of both schemes, `--ink` and so on. */
 function colours({ dark, light }) {
-  const rule = (selector, { ui }) =>
-    `${selector} { ${Object.entries(ui)
-      .map(([name, value]) => `--${name}: ${value};`)
-      .join(" ")} }`;
+  const rule = (selector, { ui }) => {
+    const all = Object.entries({ ...ui, glass: ui.panel + GLASS });
+    return `${selector} { ${all.map(([name, value]) => `--${name}: ${value};`).join(" ")} }`;
+  };
   return [rule(":root", dark), rule(':root[data-theme="light"]', light)].join("\n");
 }
 

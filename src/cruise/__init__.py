@@ -10,18 +10,27 @@ if TYPE_CHECKING:
     from cruise.api import evaluate, load_policy, load_track, make_env, race, replay
     from cruise.api_training import train
     from cruise.config import Vehicle
+    from cruise.env.observation import find_observation
     from cruise.errors import CruiseError
+    from cruise.pilots.terms_file import load_terms
     from cruise.racing.random_track import random_track
+    from cruise.terms import Observation, RewardTerm, Setting, Term
     from cruise.vehicles import load_vehicle
 
 __version__ = "0.1.0"
 
 __all__ = [
     "CruiseError",
+    "Observation",
+    "RewardTerm",
+    "Setting",
+    "Term",
     "Vehicle",
     "__version__",
     "evaluate",
+    "find_observation",
     "load_policy",
+    "load_terms",
     "load_track",
     "load_vehicle",
     "make_env",
@@ -35,6 +44,12 @@ __all__ = [
 
 _HOMES = {
     "CruiseError": "cruise.errors",
+    "Observation": "cruise.terms",
+    "RewardTerm": "cruise.terms",
+    "Setting": "cruise.terms",
+    "Term": "cruise.terms",
+    "find_observation": "cruise.env.observation",
+    "load_terms": "cruise.pilots.terms_file",
     "Vehicle": "cruise.config",
     "load_vehicle": "cruise.vehicles",
     "parallel_env": "cruise.adapters.doors",

@@ -10,7 +10,7 @@ Vec3 = tuple[float, float, float]
 Integrator = Literal["euler", "semi_implicit", "midpoint", "rk4"]
 FlownBy = Literal["cascade", "rotors"]
 OWN_CONTROLS: dict[FlownBy, tuple[Control, ...]] = {"cascade": ("acceleration",), "rotors": ("ctbr", "attitude")}
-ObservationKind = Literal["extended", "paper", "body", "body-near"]
+ObservationKind = str  # name of an observation: one of `cruise.env.observation`, or one that its user declared
 GateShape = Literal["rectangle", "round"]
 NetworkKind = Literal["mlp", "gru"]
 SelfPlayMode = Literal["within", "after", "off"]
@@ -199,6 +199,33 @@ Obstacle = Pole | Wall
 
 
 @dataclass(frozen=True)
+class StartPlace:
+    """Where one drone waits."""
+
+    position_w: Vec3  # [m]
+    yaw: float  # [rad]
+
+
+@dataclass(frozen=True)
+class StartPlaces:
+    """Drones wait at the first ones of these places, dealt out by chance."""
+
+    places: tuple[StartPlace, ...]
+
+
+@dataclass(frozen=True)
+class StartLine:
+    """Drones wait side by side, however many."""
+
+    middle_w: Vec3  # [m]
+    yaw: float  # of all drones; the line lies across it [rad]
+    spacing: float  # of neighbours [m]
+
+
+Start = StartPlaces | StartLine
+
+
+@dataclass(frozen=True)
 class Track:
     """Gates in the order they are flown, repeated every lap, and what else stands there."""
 
@@ -211,6 +238,8 @@ class Track:
     leave_distance: float = 10.0  # farther than this from every gate has left the track [m]
     variants: tuple[tuple[Gate, ...], ...] = ()  # other places of the same gates; where given, every race draws one
     obstacles: tuple[Obstacle, ...] = ()
+    start: Start | None = None  # None: a grid before a gate, by chance
+    start_gate: int = 0  # index of the first gate to pass from `start`
 
 
 @dataclass(frozen=True)
@@ -348,7 +377,7 @@ class TrainConfig:
     vehicle: str | Vehicle = "paper"  # Name of a built-in vehicle, a TOML file, or a vehicle of your own.
     start_from: str = ""  # Policy (name or path) whose parameters training starts from; none: random ones.
     against: str = ""  # Policy (name or path) that flies all opponents, fixed: train a best response; none: self-play.
-    observation: ObservationKind = "extended"  # What the policy observes.
+    observation: ObservationKind = "extended"  # What the policy observes; `cruise observations` lists them.
     critic_observation: str = ""  # What the value network observes, without sensor errors; none: as the policy.
     vanilla: bool = False  # Train on the last stage only, for as many steps as all stages.
     step_scale: float = 1.0  # Multiplies the training steps of every stage.
@@ -356,6 +385,7 @@ class TrainConfig:
     collision_distance: float = 0.4  # Distance at which two drones collide in training [m].
     checkpoint_seconds: float = 30.0  # Time between checkpoints [s].
     reward: RewardWeights = field(default_factory=RewardWeights)
+    reward_terms: tuple[str, ...] = ()  # Names of more reward terms, of --terms files; all that those declare.
     ppo: PPOConfig = field(default_factory=PPOConfig)
     opponents: SelfPlayConfig = field(default_factory=SelfPlayConfig)
     randomisation: Randomisation = field(default_factory=Randomisation)

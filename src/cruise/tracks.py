@@ -1,8 +1,9 @@
 """The built-in tracks: the paper's two, and published ones that nobody here trains on."""
 
 import math
+from dataclasses import replace
 
-from cruise.config import Gate, Track
+from cruise.config import Gate, StartPlace, StartPlaces, Track, Vec3
 
 
 def _ring() -> Track:
@@ -100,5 +101,43 @@ _DELFT = _published(
         (0.0, 3.0, 1.5, 0),
     ],
 )
-PUBLISHED_TRACKS: dict[str, Track] = {track.name: track for track in (_SPLIT_S, _A2RL, _DELFT)}
+
+
+def _on_arc(gate: Gate, start: Vec3, yaw: float, places: tuple[int, ...]) -> tuple[StartPlace, ...]:
+    """Places 1 m of arc apart on the level circle around a gate through `start`, turned along with it."""
+    x, y = start[0] - gate.position_w[0], start[1] - gate.position_w[1]
+    radius, bearing = math.hypot(x, y), math.atan2(y, x)
+    found = []
+    for turn in (place / radius for place in places):
+        level = [c + radius * f(bearing + turn) for c, f in zip(gate.position_w, (math.cos, math.sin), strict=False)]
+        found.append(StartPlace((level[0], level[1], start[2]), yaw + turn))
+    return tuple(found)
+
+
+# The track of Zurich's multi-drone benchmark (uzh-rpg/marl-racing; "Superhuman Safe and Agile Racing", 2026). Gates 4
+# and 5 stand one on the other, their frames 7 cm into each other. Drones start 1 m of arc apart on a circle around gate
+# 1; which way round it goes is not printed: here it leads away from gate 7.
+_UZH = replace(
+    _published(
+        "uzh-2026",
+        1.5,
+        0.275,
+        [
+            (-0.6, -0.86, 3.68, -20),
+            (9.0, 6.45, 1.05, 0),
+            (8.85, -3.8, 1.05, -130),
+            (-4.3, -5.6, 3.4, 180),
+            (-4.3, -5.6, 1.42, 0),
+            (4.5, -0.45, 1.05, 80),
+            (-1.95, 6.81, 1.05, -150),
+        ],
+    ),
+    bounds_low=(-10.0, -8.0, 0.0),
+    bounds_high=(14.0, 9.0, 6.0),
+    start_gate=0,
+)
+_UZH = replace(
+    _UZH, start=StartPlaces(_on_arc(_UZH.gates[0], (-5.0, 4.7, 0.61), math.radians(-45.0), (0, 1, 2, 3, -1, 4, -2, 5)))
+)
+PUBLISHED_TRACKS: dict[str, Track] = {track.name: track for track in (_SPLIT_S, _A2RL, _DELFT, _UZH)}
 TRACKS: dict[str, Track] = PAPER_TRACKS | PUBLISHED_TRACKS

@@ -4,16 +4,37 @@ XLA on the CPU turns a sum over a short leading axis into a scalar loop, and sin
 out component by component the same arithmetic runs 10 to 20 times faster (`benchmarks`).
 """
 
+import contextlib
 import functools
 import operator
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextvars import ContextVar
 
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+_PLAIN = ContextVar("plain", default=False)
+
+
+@contextlib.contextmanager
+def plain() -> Iterator[None]:
+    """Trace what is written out here for XLA as the one operation that it is, for an export to other programs."""
+    token = _PLAIN.set(True)
+    try:
+        yield
+    finally:
+        _PLAIN.reset(token)
+
+
+def is_plain() -> bool:
+    """Whether the tracing that goes on is for an export."""
+    return _PLAIN.get()
+
 
 def dot(a: Float[Array, "D *B"], b: Float[Array, "D *B"]) -> Float[Array, "*B"]:
     """Scalar product over the leading axis."""
+    if is_plain():
+        return jnp.sum(a * b, axis=0)
     return fold(operator.add, a * b)
 
 
@@ -36,6 +57,8 @@ def sin_cos(angle: Float[Array, "*B"]) -> tuple[Float[Array, "*B"], Float[Array,
 
     Reduction to [-pi/4, pi/4] and Taylor-like minimax polynomials of degree 7 and 8 (Moshier, Cephes `sinf`, `cosf`).
     """
+    if is_plain():
+        return jnp.sin(angle), jnp.cos(angle)
     quadrant = jnp.round(angle * (2 / jnp.pi))
     a, b, c = _HALF_PI
     x = ((angle - quadrant * a) - quadrant * b) - quadrant * c
@@ -57,7 +80,7 @@ def once(flag: Bool[Array, "*B"]) -> Bool[Array, "*B"]:
     XLA's fusion on the CPU computes a cheap producer again inside each of its consumers, however long its chain; what
     it counts as expensive, a square root among them, it computes once and stores.
     """
-    return jnp.sqrt(flag.astype(jnp.float32)) > 0
+    return flag if is_plain() else jnp.sqrt(flag.astype(jnp.float32)) > 0
 
 
 def stored(number: Float[Array, "*B"]) -> Float[Array, "*B"]:
@@ -66,4 +89,4 @@ def stored(number: Float[Array, "*B"]) -> Float[Array, "*B"]:
     For the waist of a long calculation with many results, which would otherwise be computed anew for each of them.
     Infinite becomes not a number.
     """
-    return number / (number * 0.0 + 1.0)
+    return number if is_plain() else number / (number * 0.0 + 1.0)

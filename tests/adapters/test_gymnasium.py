@@ -143,7 +143,7 @@ def test_a_policy_flies_here_the_race_that_it_flies_elsewhere(tmp_path):
     env = VectorRaceEnv(1, track="ring", stage="race", laps=1, opponents="ring-2", autoreset_mode="Disabled")
     start = {"position_w": log.position_w[0], "gate": int(log.next_gate[0, 0])}
     observation, _ = env.reset(options={"start": start})
-    finish = log.event_time[(log.event_kind == 7) & (log.event_drone == 0)][0]
+    finish = log.event_time[(log.event_kind_names[log.event_kind] == "finish") & (log.event_drone == 0)][0]
     for step in range(1, len(log.time)):
         action = np.asarray(policy.params.mean_action(jnp.asarray(observation.T))).T
         observation, _, terminated, truncated, infos = env.step(action)

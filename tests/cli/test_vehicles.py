@@ -1,10 +1,18 @@
 """`--vehicle`: what can be flown, what is refused, and what a vehicle decides about training."""
 
+import math
+from dataclasses import replace
+from pathlib import Path
+
 import pytest
 
 from cruise.cli.main import main, parse
-from cruise.config import Randomisation, TrainConfig
+from cruise.config import Drag, Randomisation, TrainConfig
 from cruise.presets import CURRICULA, RANDOMISATION, VEHICLES, training_config
+from cruise.vehicles import load_vehicle
+from cruise.vehicles.derived import top_speed
+from cruise.vehicles.guess import Measured, guessed_vehicle
+from tests.vehicles.tables import HEAVY, MALFORMED
 
 
 @pytest.mark.parametrize("command", [["vehicles"], ["vehicles", "list"]])
@@ -88,3 +96,107 @@ def test_randomise_is_a_share_of_what_is_full():
     assert of("--vehicle", "racer", "--randomise", "0.5").clip_share == 1
     assert of("--vehicle", "racer", "--randomise", "0") == of("--randomise", "0") == Randomisation()
     assert of("--randomise", "1") == of("--randomise=0", "--randomise", "1") == RANDOMISATION["paper"]
+
+
+@pytest.mark.parametrize("case", MALFORMED)
+def test_check_names_every_fault_on_its_own_line(case, tmp_path, capsys):
+    content, expected = MALFORMED[case]
+    path = tmp_path / "vehicle.toml"
+    path.write_text(content)
+    assert main(["vehicles", "check", str(path)]) == 1
+    output = capsys.readouterr()
+    assert output.out == ""
+    lines = output.err.splitlines()
+    assert len(lines) == len(expected)
+    assert all(line.startswith(f"{path}: {text}") for line, text in zip(lines, expected, strict=True))
+    assert main(["vehicles", "show", str(path)]) == 2
+    assert capsys.readouterr().err.startswith(f"error: {lines[0]}")
+
+
+def test_several_files_are_checked_at_once(tmp_path, capsys):
+    sound, faulty = tmp_path / "heavy.toml", tmp_path / "faulty.toml"
+    sound.write_text(HEAVY)
+    faulty.write_text(HEAVY.replace("1.0", "0"))
+    assert main(["vehicles", "check", str(sound), str(faulty), "racer"]) == 1
+    output = capsys.readouterr()
+    assert output.err == f"{faulty}: mass_kg must be greater than 0, got 0\n"
+    assert output.out.splitlines()[0] == (
+        f"{sound}: no faults; heavy: 1 kg, told ctbr at 50 Hz, lifts 2.48 times its weight"
+    )
+    assert main(["vehicles", "check", str(tmp_path / "none.toml"), str(sound)]) == 2
+    output = capsys.readouterr()
+    assert output.err == f"error: {tmp_path / 'none.toml'}: no such vehicle file\n"
+    assert "no faults" in output.out
+    assert main(["vehicles", "check"]) == 2
+
+
+def test_a_new_file_is_sound_and_says_what_is_guessed(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    flags = ["--mass", "0.6", "--arm", "0.11", "--propeller", "0.1", "--thrust", "6"]
+    assert main(["vehicles", "new", "mine.toml", *flags]) == 0
+    assert "lifts 4.08 times its weight" in capsys.readouterr().out
+    mine = load_vehicle("mine.toml")
+    assert (mine.name, mine.mass, mine.airframe.rotors.max_thrust) == ("mine", 0.6, 6.0)
+    assert math.hypot(*mine.airframe.rotors.offset) == pytest.approx(0.11, rel=0.01)
+    text = Path("mine.toml").read_text()
+    assert text.count("# guess") >= 8
+    assert main(["vehicles", "new", "mine.toml"]) == 2
+    assert "mine.toml is there already: choose another name" in capsys.readouterr().err
+    assert Path("mine.toml").read_text() == text
+
+
+@pytest.mark.parametrize(
+    ("flags", "message"),
+    [
+        ("x.toml --mass -1", "--mass must be greater than 0, got -1.0"),
+        ("x.toml --arm nan", "--arm must be finite, got nan"),
+        ("x.toml --mass 5 --thrust 1", "vehicle 'x': agility (0.8), the highest thrust per mass, must exceed gravity"),
+        ("x.json", "x.json: a vehicle file ends in .toml"),
+        ("racer.toml", "racer.toml: 'racer' is a built-in vehicle: choose another name"),
+        ("none/x.toml", "none/x.toml: cannot be written: No such file or directory"),
+    ],
+)
+def test_a_new_file_that_cannot_be_is_refused(flags, message, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(["vehicles", "new", *flags.split()]) == 2
+    assert capsys.readouterr().err.startswith(f"error: {message}")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_guess_is_of_the_order_of_what_was_measured():
+    """Told only what a ruler and scales say of the two vehicles that were measured, it finds the rest within a half."""
+    for name, propeller in (("racer", 0.127), ("crazyflie", 0.0462)):
+        real = VEHICLES[name]
+        rotors = real.airframe.rotors
+        known = Measured(real.mass, math.hypot(*rotors.offset), propeller, rotors.max_thrust)
+        guess = guessed_vehicle("guess", known)
+        for found, measured in (
+            *zip(guess.inertia, real.inertia, strict=True),
+            (guess.airframe.rotors.torque_ratio, rotors.torque_ratio),
+            (guess.airframe.drag.horizontal, real.airframe.drag.horizontal),
+            (guess.airframe.drag.vertical, real.airframe.drag.vertical),
+        ):
+            assert 1 / 1.5 < found / measured < 1.5
+
+
+def test_what_is_shown_can_be_saved_and_says_what_follows(tmp_path, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    assert main(["vehicles", "show", "crazyflie"]) == 0
+    text, _, figures = capsys.readouterr().out.partition("\n\n\u250f")
+    path = tmp_path / "again.toml"
+    path.write_text(text)
+    assert load_vehicle(path) == VEHICLES["crazyflie"]
+    for shown in ("thrust to weight", "2.33", "0.06867 N", "top speed", "collective_thrust", "22.81 m/s^2"):
+        assert shown in figures
+    assert main(["vehicles", "show", "paper"]) == 0
+    assert "acceleration_x" in capsys.readouterr().out
+
+
+def test_top_speed_is_where_drag_takes_the_thrust():
+    vehicle = VEHICLES["racer"]
+    speed = top_speed(vehicle)
+    level = math.sqrt(vehicle.agility**2 - vehicle.gravity**2)
+    assert vehicle.airframe.drag.horizontal * speed == pytest.approx(vehicle.mass * level)
+    rough = replace(vehicle, airframe=replace(vehicle.airframe, drag=Drag(horizontal=0.2, quadratic=0.01)))
+    speed = top_speed(rough)
+    assert 0.2 * speed + 0.01 * speed**2 == pytest.approx(vehicle.mass * level)

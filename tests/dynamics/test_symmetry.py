@@ -121,7 +121,7 @@ def test_proprioception_turns_with_the_world() -> None:
     turn = yaw_matrix(yaw)
     euler = state.body.euler + jnp.array([0, 0, yaw])[:, None]
     turned = DroneState(state.body._replace(euler=euler), jnp.asarray(turn @ np.asarray(state.memory), jnp.float32))
-    felt, felt_turned = dynamics.proprioception(state), dynamics.proprioception(turned)
+    felt, felt_turned = ([t.fn(s) / t.scale for t in dynamics.proprioception] for s in (state, turned))
     for vector, vector_turned in zip(felt, felt_turned, strict=True):
         assert vector.shape == (3, 50)
         np.testing.assert_allclose(vector_turned, turn @ np.asarray(vector), atol=1e-6)

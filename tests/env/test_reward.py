@@ -10,12 +10,11 @@ import numpy as np
 import pytest
 
 from cruise.config import RewardWeights
-from cruise.dynamics import DroneState, RigidBody
-from cruise.env.reward import Motion, Target, reward_components, total_reward
+from cruise.env.payment import make_reward
 from cruise.presets import CURRICULUM, REWARDS
-from cruise.racing.gates import Crossing
 from tests.env import paper_reference as paper
 from tests.env.races import RING, rules_of
+from tests.env.steps import crossing_of, step_of
 from tests.helpers import quick_jit
 
 DRONES, RACES = 4, 60
@@ -48,9 +47,7 @@ def components_of(weights: RewardWeights, step: dict[str, np.ndarray], rules: ob
     """Weighted components by the package."""
 
     def compute(s: dict[str, jax.Array], rules: object) -> dict[str, jax.Array]:
-        before, after = (DroneState(RigidBody(s[p], s[v], s[p], s[p]), s[p]) for p, v in (("p0", "v0"), ("p1", "v1")))
-        motion = Motion(before, after, Target(s["gate"], s["normal"], jnp.ones_like(s["normal"])), weights)
-        return reward_components(weights, rules, motion, s["nearest"], s["collided"], s["flying"])
+        return make_reward(weights).components(step_of(s, rules))
 
     arrays = {k: jnp.asarray(v, bool if v.dtype == bool else jnp.float32) for k, v in step.items()}
     return {
@@ -153,17 +150,27 @@ def test_a_drone_at_rest_is_not_misaligned() -> None:
 
 @functools.cache
 def _total(weights: RewardWeights) -> Callable[..., jax.Array]:
-    return quick_jit(functools.partial(total_reward, weights))
+    reward = make_reward(weights)
+
+    def compute(rules, components, passed, offset, ended):
+        step = step_of(random_arrays(), rules, crossing_of(passed, offset))
+        passing = {name: reward.components(step)[name] for name in reward.of_phase("passing")}
+        return reward.total(rules, components | passing, passed, ended)
+
+    return quick_jit(compute)
+
+
+def random_arrays() -> dict[str, jax.Array]:
+    return {k: jnp.asarray(v, bool if v.dtype == bool else jnp.float32) for k, v in random_step().items()}
 
 
 def total(
     weights: RewardWeights, components: dict, passed: object, offset: object, ended: object, crash_share: float = 1.0
 ) -> np.ndarray:
     """The package's reward of a step."""
-    shape = np.shape(components["prox"])
-    no = jnp.zeros(shape, bool)
-    crossing = Crossing(jnp.asarray(passed), no, no, jnp.zeros(shape), jnp.asarray(offset, jnp.float32))
-    return np.asarray(_total(weights)(rules_of(crash_share=crash_share), components, crossing, jnp.asarray(ended)))
+    passed, ended = jnp.asarray(passed), jnp.asarray(ended)
+    offset = jnp.asarray(offset, jnp.float32)
+    return np.asarray(_total(weights)(rules_of(crash_share=crash_share), components, passed, offset, ended))
 
 
 def random_totals(weights: RewardWeights) -> tuple[dict[str, np.ndarray], np.ndarray, np.ndarray, np.ndarray]:

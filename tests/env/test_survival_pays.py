@@ -12,11 +12,9 @@ import numpy as np
 import pytest
 
 from cruise.config import PPOConfig, RewardWeights, Stage, Track
-from cruise.dynamics import DroneState, RigidBody
-from cruise.env.reward import Motion, Target, reward_components, total_reward
 from cruise.presets import CURRICULUM, REWARDS
-from cruise.racing.gates import Crossing
 from tests.env.races import EIGHT, PAPER, RING, Recorded, fly_to_gates, lined_up, race_env, record, rules_of
+from tests.env.steps import components_and_total, crossing_of
 from tests.helpers import quick_jit
 
 GAMMA, DT = PPOConfig().gamma, PAPER.control_dt
@@ -57,12 +55,11 @@ def _reward(weights: RewardWeights) -> Callable[..., jax.Array]:
     """The reward of a lonely drone on its path [3, 1, HORIZON + 1] through 2 m wide gates, compiled."""
 
     def compute(path, velocity, centre, passed, offset, rules):
-        before, after = (DroneState(RigidBody(p, velocity, p, p), p) for p in (path[..., :-1], path[..., 1:]))
-        ahead = jnp.zeros_like(centre[:2]).at[0].set(1.0)
-        motion = Motion(before, after, Target(centre, ahead, jnp.ones_like(ahead)), weights)
-        none, zero = jnp.zeros_like(passed), jnp.zeros(passed.shape)
-        components = reward_components(weights, rules, motion, zero + jnp.inf, none, ~none)
-        return total_reward(weights, rules, components, Crossing(passed, none, none, zero, zero + offset), none)
+        none = jnp.zeros_like(passed)
+        step = {"p0": path[..., :-1], "p1": path[..., 1:], "v0": velocity, "v1": velocity, "gate": centre}
+        step |= {"normal": jnp.zeros_like(centre[:2]).at[0].set(1.0), "nearest": jnp.full(passed.shape, jnp.inf)}
+        step |= {"flying": ~none, "collided": none}
+        return components_and_total(weights, step, rules, crossing_of(passed, offset), none)[1]
 
     return quick_jit(compute)
 

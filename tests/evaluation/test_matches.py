@@ -12,6 +12,7 @@ from cruise.evaluation.matches import Match, evaluate, evaluate_policy, make_mat
 from cruise.evaluation.metrics import race_result
 from cruise.pilots.scripted import SCRIPTED, Chaser
 from cruise.presets import TRACKS, VEHICLES
+from cruise.racing.events import EventKind
 from cruise.racing.track_file import load_track
 from cruise.storage import policy_paths
 from tests.storage.policies import write_policy
@@ -121,7 +122,7 @@ def logs(mixed):
 
 def test_mixed_pilots_race_each_other(logs):
     assert logs[0].pilots.tolist() == ["chaser", "novice"]
-    chased = [log.event_drone[log.event_kind == 0] for log in logs]
+    chased = [log.event_drone[log.event_kind == EventKind.CROSSING] for log in logs]
     assert sum((drones == 0).sum() for drones in chased) > 20
     assert all(np.abs(log.action).max() <= 1.0 for log in logs)
 
@@ -144,7 +145,7 @@ def test_a_race_of_racers_is_a_log_of_theirs():
     log = next(run_races(make_match(RING, 2, ["chaser", "hover"], laps=1, vehicle="racer"), 1, seed=1))
     assert (log.vehicle, log.control_dt, log.action.shape[2]) == ("racer", 0.02, 4)
     np.testing.assert_allclose(np.diff(log.time), 0.02)
-    assert len(log.event_time[log.event_kind == 7]) == 1  # the chaser has finished
+    assert len(log.event_time[log.event_kind == EventKind.FINISH]) == 1  # the chaser has finished
     assert log.time[-1] == pytest.approx(150.0)  # and the other hovered until the time limit
 
 

@@ -1,5 +1,6 @@
 """Policies of each kind, with races recorded once."""
 
+import numpy as np
 import pytest
 
 from cruise.export.files import Exporter
@@ -31,6 +32,17 @@ def policy_of(kind):
         return read_policy(SHIPPED[kind])
     params = loud_params(track=track, drones=drones, observation=observation)
     return Policy(meta(track, drones, observation, name=f"{kind} */ policy"), params)
+
+
+def lost_others(recording):
+    """The same, but nobody knows where those are that left the air."""
+    gone = ~recording.inputs["others_airborne"]
+    assert gone.any()
+    lost = {}
+    for name in ("others_position_w", "others_velocity_w"):
+        lost[name] = recording.inputs[name].copy()
+        lost[name][gone] = np.nan
+    return recording._replace(inputs=recording.inputs | lost)
 
 
 @pytest.fixture(scope="session")

@@ -1,5 +1,8 @@
 """The C header compiles without a warning and does what the policy does in JAX."""
 
+import shutil
+import subprocess
+
 import numpy as np
 import pytest
 
@@ -7,7 +10,7 @@ from cruise.errors import CruiseError
 from cruise.export import c_harness
 from cruise.export.c_harness import compiler, run_header
 from cruise.export.c_header import c_header, literal, prefix_of
-from tests.export.conftest import AGILE, KINDS, policy_of
+from tests.export.conftest import AGILE, KINDS, lost_others, policy_of
 
 needs_compiler = pytest.mark.skipif(compiler() is None, reason="no C compiler here")
 
@@ -16,7 +19,7 @@ needs_compiler = pytest.mark.skipif(compiler() is None, reason="no C compiler he
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_compiled_header_does_as_the_policy(kind, exporters, tmp_path):
     exporter = exporters(kind)
-    header = c_header(exporter.policy, exporter.track, exporter.recording)
+    header = c_header(exporter.policy, exporter.track, exporter.env, exporter.recording)
     run = run_header(header, prefix_of(exporter.policy), exporter.recording, tmp_path)
     assert np.abs(run.action - exporter.recording.outputs["action"]).max() <= 1e-5
     names = ("thrust", "body_rates_b") if kind in AGILE else ("acceleration_w",)
@@ -25,15 +28,58 @@ def test_the_compiled_header_does_as_the_policy(kind, exporters, tmp_path):
     assert run.self_test <= 1e-5
 
 
+CALLER = """#include "policy.h"
+float fly(float command[4]);
+float fly(float command[4]) {{
+    {p}_state state = {P}_START;
+    {p}_act(&state, {p}_gates, {P}_GATES);
+    {p}_{command}(&state, command);
+    {p}_advance(&state);
+    return {p}_self_test();
+}}
+"""
+STRICT = ("-O1", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-c", "-o", "caller.o")
+
+
+@pytest.mark.parametrize("kind", ["agile", "paper"])
+@pytest.mark.parametrize("cc", ["gcc", "g++", "clang", "clang++"])
+def test_every_compiler_takes_the_header_without_a_warning(cc, kind, exporters, tmp_path):
+    """As C99 and as C++17."""
+    if shutil.which(cc) is None:
+        pytest.skip(f"{cc} is not here")
+    exporter = exporters(kind)
+    prefix = prefix_of(exporter.policy)
+    text = c_header(exporter.policy, exporter.track, exporter.env, exporter.recording)
+    (tmp_path / "policy.h").write_text(text)
+    command = "command" if kind in AGILE else "acceleration"
+    source = "caller.cc" if cc.endswith("++") else "caller.c"
+    (tmp_path / source).write_text(CALLER.format(p=prefix, P=prefix.upper(), command=command))
+    standard = "-std=c++17" if cc.endswith("++") else "-std=c99"
+    done = subprocess.run([cc, standard, *STRICT, source], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+@needs_compiler
+@pytest.mark.parametrize("kind", ["agile", "shipped", "paper"])
+def test_sanitizers_find_nothing_and_who_left_the_air_may_be_anywhere(kind, exporters, tmp_path, monkeypatch):
+    exporter = exporters(kind)
+    lost = lost_others(exporter.recording)
+    header = c_header(exporter.policy, exporter.track, exporter.env, exporter.recording)
+    checks = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+    monkeypatch.setattr(c_harness, "FLAGS", (*c_harness.FLAGS, *checks))
+    run = run_header(header, prefix_of(exporter.policy), lost, tmp_path)
+    assert np.abs(run.action - lost.outputs["action"]).max() <= 1e-5
+
+
 @needs_compiler
 def test_the_self_test_finds_a_fault(exporters, tmp_path):
     exporter = exporters("alone")
-    header = c_header(exporter.policy, exporter.track, exporter.recording)
+    header = c_header(exporter.policy, exporter.track, exporter.env, exporter.recording)
     prefix = prefix_of(exporter.policy)
-    wrong = header.replace("hidden_0[i] = tanhf(hidden_0[i])", "hidden_0[i] = hidden_0[i]")
+    wrong = header.replace("tanhf(", "(")
     assert wrong != header
     assert run_header(wrong, prefix, exporter.recording, tmp_path).self_test > 1e-2
-    infinite = header.replace("float sum = bias[r];", "float sum = bias[r] * (float)NAN;")
+    infinite = header.replace("float sum = 0.0f;", "float sum = (float)NAN;")
     assert np.isnan(run_header(infinite, prefix, exporter.recording, tmp_path).self_test)
 
 

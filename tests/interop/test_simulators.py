@@ -3,6 +3,7 @@
 import functools
 import importlib.util
 import os
+from dataclasses import replace
 
 import jax
 import jax.numpy as jnp
@@ -99,6 +100,24 @@ def test_a_manoeuvre_ends_where_ours_does(name: str) -> None:
     np.testing.assert_allclose(theirs.velocity_w, ours.velocity_w, atol=0.2)
     turn = np.asarray(ours.body.attitude * theirs.body.attitude).sum(axis=0)
     np.testing.assert_allclose(np.abs(turn), 1.0, atol=2e-3)
+
+
+@pytest.mark.parametrize("control", ["attitude", "velocity"])
+def test_whatever_an_action_means_it_means_the_same_there(control: str) -> None:
+    """A lean, or a speed, that is held: attitude and velocity as ours after a second."""
+    vehicle = replace(RACER, control=control)
+    action = {"attitude": [0.2, -0.1, 0.0, 2 * 10.2 / RACER.agility - 1], "velocity": [0.2, -0.1, 0.05]}[control]
+    ends = []
+    for dynamics in (make_dynamics(vehicle), make_simulated("mujoco", vehicle)):
+        state = dynamics.init(jnp.array([[0.0], [0.0], [50.0]]), jnp.array([0.5]))
+        step = jax.jit(lambda state, action, fly=dynamics.step: fly(state, action, vehicle.agility))
+        for _ in range(50):
+            state = step(state, jnp.array(action)[:, None])
+        ends.append((np.asarray(dynamics.euler(state)), np.asarray(state.velocity_w)))
+    np.testing.assert_allclose(ends[1][0], ends[0][0], atol=0.03)
+    np.testing.assert_allclose(ends[1][1], ends[0][1], atol=0.2)
+    if control == "attitude":
+        np.testing.assert_allclose(ends[0][0][:2, 0], [0.18, -0.09], atol=0.01)
 
 
 @pytest.mark.parametrize("name", THERE)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cruise.cli.main import main
-from cruise.config import Gate, Track
+from cruise.config import Gate, Pole, Track
 from cruise.dynamics import make_dynamics
 from cruise.dynamics.types import DroneState, RigidBody
 from cruise.evaluation.metrics import race_result
@@ -19,6 +19,7 @@ from cruise.limit.lap import Options, find_limit
 from cruise.limit.log import limit_log
 from cruise.presets import TRACKS, VEHICLES
 from cruise.storage.race_log import load_race_log
+from tests.racing.obstacles import distance, with_solids
 
 PAPER = VEHICLES["paper"]
 RNG = np.random.default_rng(0)
@@ -129,3 +130,14 @@ def test_the_command_prints_the_lap(capsys):
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].startswith("ring by paper (steps of 0.09")
     assert float(lines[1].split()[1]) == pytest.approx(13.1, rel=0.005)
+
+
+def test_a_pole_on_the_line_is_passed_with_the_margin():
+    free = limit("triangle", GENTLE)
+    x, y, _ = free.lap.state[len(free.lap.state) // 6, POSITION].tolist()
+    track = with_solids(triangle(), Pole((x, y, 0.0), 10.0, 0.15))
+    found = find_limit(track, PAPER, GENTLE)
+    times = np.linspace(0, found.lap.time, 2000)
+    line = np.stack([np.interp(times, found.lap.clock, column) for column in found.lap.state[:, POSITION].T], axis=1)
+    assert distance(track.obstacles[0], line).min() > 0.9 * 0.25
+    assert free.lap.time < found.lap.time < 1.1 * free.lap.time

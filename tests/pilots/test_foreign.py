@@ -12,6 +12,7 @@ import pytest
 
 from cruise.env.race_env import make_race_env
 from cruise.errors import CruiseError
+from cruise.pilots import python_pilot
 from cruise.pilots.foreign import ForeignPilot, wrap
 from cruise.pilots.neural import NeuralPilot
 from cruise.pilots.scripted import SCRIPTED, Chaser

@@ -36,10 +36,22 @@ class Met:
 
 
 def axes(gate: Gate) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Unit vectors forward, left and up of a gate."""
-    forward = np.array([np.cos(gate.yaw), np.sin(gate.yaw), 0.0])
-    up = np.array([0.0, 0.0, 1.0])
-    return forward, np.cross(up, forward), up
+    """Unit vectors forward, left and up of a gate: the columns of Rz(yaw) Ry(pitch) Rx(roll), turn by turn."""
+    forward, left, up = np.eye(3)
+    for axis, angle in ((0, gate.roll), (1, gate.pitch), (2, gate.yaw)):
+        about = np.eye(3)[axis]
+        forward, left, up = (
+            np.cos(angle) * v + np.sin(angle) * np.cross(about, v) + (1 - np.cos(angle)) * (about @ v) * about
+            for v in (forward, left, up)
+        )
+    return forward, left, up
+
+
+def beyond(gate: Gate, left: np.ndarray, up: np.ndarray) -> np.ndarray:
+    """How far a point of a gate's plane is from its opening, negative inside."""
+    if gate.shape == "round":
+        return np.hypot(left, up) - gate.width / 2
+    return np.maximum(np.abs(left) - gate.width / 2, np.abs(up) - gate.height / 2)
 
 
 def along(start: np.ndarray, end: np.ndarray, samples: int = SAMPLES) -> np.ndarray:
@@ -73,20 +85,18 @@ def meet(track: Track, segments: Segments, tolerance: float) -> Met:
     fraction, offset, clear = np.zeros(count), np.zeros(count), np.ones(count, bool)
     for index, gate in enumerate(track.gates):
         ahead, back, sample, left, up = first_crossing(gate, points)
-        inside = (np.abs(left) <= gate.width / 2 + tolerance) & (np.abs(up) <= gate.height / 2 + tolerance)
+        offset_here = beyond(gate, left, up)
         border = tolerance + track.frame_width
-        within_frame = (np.abs(left) <= gate.width / 2 + border) & (np.abs(up) <= gate.height / 2 + border)
-        near = (np.abs(left) <= gate.width / 2 + 5.0) & (np.abs(up) <= gate.height / 2 + 5.0)
-        beyond = np.maximum(np.abs(left) - gate.width / 2, np.abs(up) - gate.height / 2)
+        inside, within_frame, near = (offset_here <= edge for edge in (tolerance, border, 5.0))
         target = segments.target == index
         passed |= target & ahead & inside
         missed |= target & ahead & near & ~within_frame
         hit |= (ahead | back) & within_frame & ~inside
         crossed |= target & (ahead | back)
         fraction = np.where(target, sample, fraction)
-        offset = np.where(target, beyond, offset)
+        offset = np.where(target, offset_here, offset)
         for edge in (tolerance, border, 5.0):
-            clear &= ~((ahead | back) & (np.abs(beyond - edge) < 0.02))
+            clear &= ~((ahead | back) & (np.abs(offset_here - edge) < 0.02))
     return Met(passed, missed, hit, crossed, fraction, offset, clear)
 
 

@@ -9,6 +9,7 @@ from cruise.config import Track
 from cruise.presets import TRACKS
 from cruise.racing.contacts import closest_approach, nearest_opponent, on_ground, out_of_bounds
 from cruise.racing.course import make_course
+from cruise.racing.field import UNROLLED
 from tests.helpers import random_track, yaw_matrix
 from tests.racing.oracle import along
 
@@ -76,7 +77,7 @@ def random_field(drones: int, races: int, seed: int = 2) -> tuple[np.ndarray, np
     return start, end, rng.random((drones, races)) < 0.7
 
 
-@pytest.mark.parametrize("drones", [1, 2, 5])
+@pytest.mark.parametrize("drones", [1, 2, 5, UNROLLED + 2])
 def test_nearest_opponent_is_the_nearest_in_the_air(drones: int) -> None:
     start, end, airborne = random_field(drones, 40)
     result = np.asarray(nearest(start, end, airborne))

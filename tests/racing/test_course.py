@@ -6,9 +6,13 @@ import numpy as np
 import pytest
 
 from cruise.config import Track
+from cruise.env.ranks import ranks
 from cruise.presets import PAPER_TRACKS, TRACKS
-from cruise.racing.course import make_course, pick
-from cruise.racing.field import opponent, opponents
+from cruise.racing.contacts import out_of_bounds
+from cruise.racing.course import UNROLLED, make_course, pick, target_opening
+from cruise.racing.field import UNROLLED as DRONES
+from cruise.racing.field import all_opponents, opponent, opponents, over_opponents
+from cruise.racing.gates import cross_gates
 from tests.helpers import random_track
 
 ALL_TRACKS = [*TRACKS.values(), random_track(5), random_track(6, gates=1)]
@@ -27,12 +31,67 @@ def test_arrays_are_the_tracks_numbers(track: Track) -> None:
     assert all(leaf.dtype == jnp.float32 for leaf in jax.tree.leaves(course))
 
 
+@pytest.mark.parametrize("gates", [7, UNROLLED + 3])
 @pytest.mark.parametrize("shape", [(), (4,), (4, 6)])
-def test_pick_is_indexing(shape: tuple[int, ...]) -> None:
-    course = make_course(random_track(5))
+def test_pick_is_indexing(shape: tuple[int, ...], gates: int) -> None:
+    course = make_course(random_track(5, gates))
     gate = np.random.default_rng(0).integers(course.num_gates, size=shape)
     for table in (course.position_w, course.normal_w, course.half_size):
         np.testing.assert_array_equal(pick(table, jnp.asarray(gate)), np.asarray(table)[:, gate])
+
+
+@pytest.mark.parametrize("gates", [7, UNROLLED + 3])
+def test_pick_where_races_have_gates_of_their_own(gates: int) -> None:
+    rng = np.random.default_rng(1)
+    table, gate = rng.normal(size=(3, gates, 6)).astype(np.float32), rng.integers(gates, size=(4, 6))
+    expected = table[:, gate, np.arange(6)]
+    np.testing.assert_array_equal(pick(jnp.asarray(table), jnp.asarray(gate)), expected)
+
+
+def equations(jaxpr: object) -> int:
+    """Of a program, those of its loops' bodies among them."""
+    inner = [
+        part for eqn in jaxpr.eqns for part in jax.tree.leaves(list(eqn.params.values())) if hasattr(part, "jaxpr")
+    ]
+    return len(jaxpr.eqns) + sum(equations(part.jaxpr) for part in inner)
+
+
+def test_what_is_traced_does_not_grow_with_the_track() -> None:
+    def size(gates: int) -> int:
+        course = make_course(random_track(5, gates))
+
+        def step(start: jax.Array, end: jax.Array, gate: jax.Array) -> tuple:
+            target = target_opening(course, gate)
+            return cross_gates(course, start, end, gate, 0.0), out_of_bounds(course, end), target
+
+        place = jnp.zeros((3, 4, 2))
+        return equations(jax.make_jaxpr(step)(place, place, jnp.zeros((4, 2), int)).jaxpr)
+
+    assert size(200) == size(UNROLLED + 1) < size(UNROLLED)
+
+
+def test_many_opponents_are_met_as_few_are() -> None:
+    """A scan over them gives what the loop written out gives, in the same order."""
+    rng = np.random.default_rng(2)
+    values = jnp.asarray(rng.normal(size=(2, DRONES + 3, 5)).astype(np.float32))
+
+    def visit(total: jax.Array, k: jax.Array | int, theirs: jax.Array) -> jax.Array:
+        return 0.5 * total + k * theirs
+
+    found = over_opponents(visit, jnp.zeros_like(values), (values, 1))
+    expected = jnp.zeros_like(values)
+    for k in opponents(DRONES + 3):
+        expected = visit(expected, k, opponent(values, k, 1))
+    np.testing.assert_allclose(found, expected, rtol=1e-6)
+    stacked = jnp.stack([opponent(values, k, 1) for k in opponents(DRONES + 3)], axis=1)
+    np.testing.assert_array_equal(all_opponents(values, 1), stacked)
+
+
+@pytest.mark.parametrize("count", [5, DRONES + 3])
+def test_ranks_are_places_in_a_stable_sort(count: int) -> None:
+    values = np.random.default_rng(3).integers(0, 6, size=(count, 40)).astype(np.float32)
+    expected = np.argsort(np.argsort(values, axis=0, kind="stable"), axis=0)
+    np.testing.assert_array_equal(np.stack(ranks([jnp.asarray(v) for v in values])), expected)
 
 
 def test_the_papers_tracks() -> None:

@@ -9,14 +9,22 @@ import pytest
 
 from cruise.config import Gate, Track
 from cruise.presets import PAPER_TRACKS
-from cruise.racing.course import make_course
+from cruise.racing.course import UNROLLED, make_course
 from cruise.racing.gates import Crossing, cross_gates
 from tests.helpers import random_track, yaw_matrix
 from tests.racing.oracle import SAMPLES, Segments, axes, meet, random_segments
 
 RING = PAPER_TRACKS["ring"]
-ALL_TRACKS = {**PAPER_TRACKS, "random": random_track(1)}
-COUNT = 600
+MANY = random_track(2, gates=UNROLLED + 4)
+TILTED = replace(
+    random_track(3),
+    gates=tuple(
+        replace(gate, roll=0.3 * k, pitch=0.4 * (-1) ** k, shape="round" if k % 2 else "rectangle")
+        for k, gate in enumerate(random_track(3).gates)
+    ),
+)
+ALL_TRACKS = {**PAPER_TRACKS, "random": random_track(1), "many gates": MANY, "tilted and round": TILTED}
+COUNT = 1200
 referee = jax.jit(cross_gates)
 
 

@@ -122,8 +122,9 @@ def test_numbers_out_of_range_are_refused(arguments, words):
         random_track(**{"seed": 0} | arguments)
 
 
-def test_a_random_track_survives_its_file(tmp_path):
-    track = random_track(5, 6, 0.9)
+@pytest.mark.parametrize("more", [{}, {"obstacles": 6, "tilt": 0.4}])
+def test_a_random_track_survives_its_file(tmp_path, more):
+    track = random_track(5, 6, 0.9, **more)
     save_track(track, tmp_path / "drawn.toml")
     assert load_track(tmp_path / "drawn.toml") == track
 

@@ -1,20 +1,29 @@
 """Track files: every fault is named, a saved track comes back equal, nothing is half written."""
 
+import itertools
 import math
 import os
 import sys
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
-from cruise.config import Gate, Track
+from cruise.config import Gate, Pole, StartLine, StartPlace, StartPlaces, Track, Wall
 from cruise.errors import CruiseError
-from cruise.presets import TRACKS
-from cruise.racing.track_file import document_faults, load_track, read_document, save_track, track_faults
-from cruise.racing.track_geometry import lap_length, segment_lengths
+from cruise.presets import TRACKS, VEHICLES
+from cruise.racing.track_file import (
+    document_faults,
+    load_track,
+    read_document,
+    save_track,
+    track_faults,
+    track_warnings,
+)
+from cruise.racing.track_geometry import FARTHEST, lap_length, segment_lengths
 from tests.racing.track_tables import GATE, MALFORMED, NAME, SECOND, SOUND, THIRD, UNREADABLE
 
 EXAMPLES = sorted((Path(__file__).parents[2] / "examples" / "tracks").glob("*.toml"))
@@ -60,7 +69,7 @@ def test_unreadable_content_is_refused(case, tmp_path):
         ("Figure_Eight", "unknown track 'Figure_Eight': did you mean 'figure-eight'? built-in tracks"),
         (
             "monza",
-            "unknown track 'monza': built-in tracks: ring, figure-eight, split-s, a2rl-2025, delft-eight; or ",
+            "unknown track 'monza': built-in tracks: ring, figure-eight, split-s, a2rl-2025, delft-eight, uzh-2026; ",
         ),
         ("", "unknown track ''"),
         ("a\nb", "unknown track 'a\\nb'"),
@@ -143,6 +152,56 @@ def test_a_gate_may_be_flown_aslant(yaw_deg, tmp_path):
     )
     faults = document_faults(read_document(write(tmp_path, row)))
     assert faults == []
+
+
+FRAMES_APART = "gate 1: its frame overlaps that of gate 2, openings apart"
+
+
+@pytest.mark.parametrize(
+    ("content", "expected"),
+    [
+        pytest.param(NAME + GATE + SECOND.replace("12, 0", "0, 2.5"), [FRAMES_APART], id="frames"),
+        pytest.param(NAME + GATE + SECOND.replace("12, 0", "0, 2.7"), [], id="apart"),
+        pytest.param(
+            NAME + GATE + SECOND + "[bounds]\nlow = [-1.55, -3, 0]\nhigh = [30, 30, 9]\n",
+            ["gate 1: has no room for a start grid of 4 drones: no race starts there"],
+            id="a wall behind",
+        ),
+    ],
+)
+def test_what_is_no_fault_is_a_warning(content, expected, tmp_path):
+    track = load_track(write(tmp_path, content))
+    assert track_warnings(track) == expected
+
+
+def test_zurichs_track_is_raced_though_two_of_its_frames_overlap():
+    track = TRACKS["uzh-2026"]
+    assert track_faults(track) == []
+    assert track_warnings(track) == ["gate 4: its frame overlaps that of gate 5, openings apart"]
+    assert track.start.places[0].position_w == pytest.approx((-5.0, 4.7, 0.61))
+    apart = [math.dist(a.position_w, b.position_w) for a, b in itertools.combinations(track.start.places, 2)]
+    assert min(apart) == pytest.approx(1.0, abs=2e-3)  # along the arc
+
+
+SOLIDS = (Pole((12.0, 3.0, 0.0), 4.0, 0.1), Wall((14.0, -3.0, 1.0), (2.0, 0.2, 2.0), yaw=0.5))
+STARTS = {
+    "places": StartPlaces((StartPlace((-3.0, 0.0, 1.0), 0.25), StartPlace((-3.0, 2.0, 1.0), -0.5))),
+    "line": StartLine((-3.0, 0.0, 1.0), 0.1, 0.8),
+}
+
+
+@pytest.mark.parametrize("kind", STARTS)
+def test_tilt_shapes_solids_and_starts_come_back_equal(kind, tmp_path):
+    gates = (
+        Gate((0.0, 0.0, 2.0), 0.0, roll=0.7, pitch=-math.pi / 4),
+        Gate((8.0, 0.0, 2.0), 0.3, 1.5, 1.5, shape="round"),
+        Gate((4.0, 9.0, 3.0), math.pi, 1.0, 2.0, pitch=0.1),
+    )
+    high = (30.0, 30.0, 9.0)
+    track = Track("all", gates, (-9.0, -9.0, 0.0), high, obstacles=SOLIDS, start=STARTS[kind], start_gate=2)
+    assert track_faults(track) == []
+    save_track(track, tmp_path / "track.toml")
+    assert load_track(tmp_path / "track.toml") == track
 
 
 FINITE, LENGTH = st.floats(-300, 300), st.floats(0.01, 50)
@@ -240,3 +299,17 @@ def test_unreadable_file(tmp_path):
     path.chmod(0)
     with pytest.raises(CruiseError, match="cannot be read: Permission denied"):
         load_track(path)
+
+
+def test_a_slow_drone_moves_at_the_farthest_gate_that_is_accepted():
+    """In single precision, at 0.1 m/s for a second, along an axis: where a track may lie, not where it may not."""
+    racer = VEHICLES["racer"]
+    for place, moves in ((FARTHEST, True), (9900.0, False)):
+        step = np.float32(0.1 * racer.control_dt / racer.substeps)
+        x = start = np.float32(place)
+        for _ in range(round(1 / racer.control_dt) * racer.substeps):
+            x = np.float32(x + step)
+        assert (abs(float(x) - float(start) - 0.1) < 0.02) == moves
+        gate = Gate((place, 0.0, 2.0), 0.0)
+        track = Track("far", (gate,), (place - 20, -20.0, 0.0), (place + 20, 20.0, 20.0))
+        assert (track_faults(track) == []) == moves

@@ -131,15 +131,19 @@ MALFORMED: dict[str, tuple[str, list[str]]] = {
     ),
     "the same gate twice": (
         NAME + GATE + GATE,
-        ["gate 1: overlaps gate 2, frames included: their centres are 0 m apart"],
+        ["gate 1: overlaps gate 2: their openings share room, their centres are 0 m apart"],
     ),
-    "frames that overlap": (
-        NAME + GATE + SECOND.replace("12, 0", "0, 2.5"),
-        ["gate 1: overlaps gate 2, frames included: their centres are 2.5 m apart"],
+    "frame in an opening": (
+        NAME + GATE + SECOND.replace("12, 0", "0, 2.2"),
+        ["gate 1: overlaps gate 2: the frame of one stands in the other's opening, their centres are 2.2 m apart"],
+    ),
+    "frame in a tilted opening": (
+        NAME + GATE + SECOND.replace("12, 0", "0.5, 0").replace("2]", "3.2]") + "pitch_deg = 90\n",
+        ["gate 1: overlaps gate 2: the frame of one stands in the other's opening, their centres are 1.3 m apart"],
     ),
     "gates that cross": (
         NAME + GATE + "[[gates]]\nposition = [0.5, 0.5, 2.5]\nyaw_deg = 90\n",
-        ["gate 1: overlaps gate 2, frames included: their centres are 0.866 m apart"],
+        ["gate 1: overlaps gate 2: their openings share room, their centres are 0.866 m apart"],
     ),
     "gate that faces backwards": (
         NAME + GATE + SECOND.replace("yaw_deg = 0", "yaw_deg = 181") + THIRD,
@@ -148,6 +152,68 @@ MALFORMED: dict[str, tuple[str, list[str]]] = {
     "gate out of reach": (
         "leave_distance = 5\n" + NAME + GATE + SECOND + THIRD,
         ["gate 1: the straight way to gate 2 is up to 6 m from every gate, beyond leave_distance = 5 m"],
+    ),
+    "unknown shape": (with_gate('shape = "star"'), ["gate 1: shape must be one of rectangle, round, got 'star'"]),
+    "round gate with a width": (
+        with_gate('shape = "round"\nwidth = 2'),
+        ["gate 1: width is given: a round gate has a diameter"],
+    ),
+    "diameter of a rectangle": (
+        with_gate("diameter = 2"),
+        ['gate 1: diameter is given, which a round gate has: add shape = "round"'],
+    ),
+    "two rolls": (with_gate("roll_deg = 3\nroll_rad = 1"), ["gate 1: roll_deg and roll_rad are both given: keep one"]),
+    "gate far from the origin": (
+        with_gate("position = [9900, 0, 2]"),
+        ["gate 1: is too far from the origin: at 9900 m, at most 500 m: move the track's middle there"],
+    ),
+    "poles that are a table": (
+        SOUND + "[poles]\nposition = [5, 0, 0]\n",
+        ["poles must be an array of tables, each headed [[poles]]"],
+    ),
+    "pole of nothing": (
+        SOUND + "[[poles]]\ndiameter = 1\n",
+        [
+            "pole 1: unknown key 'diameter'; known are position, radius, height",
+            "pole 1: position is missing: the middle of its foot, as in position = [3, 0, 0]",
+            "pole 1: radius is missing: as in radius = 0.1",
+            "pole 1: height is missing: as in height = 3",
+        ],
+    ),
+    "pole in an opening": (
+        SOUND + "[[poles]]\nposition = [0, 0.5, 0]\nradius = 0.1\nheight = 3\n",
+        ["pole 1: stands in the opening of gate 1"],
+    ),
+    "pole under ground": (
+        SOUND + "[[poles]]\nposition = [5, 0.5, -4]\nradius = 0.1\nheight = 3\n",
+        ["pole 1: lies under ground: its top is at z = -1, must be above 0"],
+    ),
+    "wall out of bounds": (
+        SOUND + "[[walls]]\nposition = [50, 0, 1]\nsize = [1, 0.2, 2]\n",
+        ["wall 1: is out of bounds: stands at (50, 0)"],
+    ),
+    "wall without thickness": (
+        SOUND + "[[walls]]\nposition = [5, 0, 1]\nsize = [1, 0, 2]\n",
+        ["wall 1: size thickness must be greater than 0, got 0"],
+    ),
+    "empty start": (SOUND + "[start]\n", ["start: needs places, or the middle, yaw_deg and spacing of a line"]),
+    "start at no gate": (
+        SOUND + "[start]\ngate = 2\nmiddle = [-3, 0, 1]\nyaw_deg = 0\nspacing = 1\n",
+        ["start: gate must be 1 to 1, got 2"],
+    ),
+    "start outside": (
+        SOUND + "[start]\nplaces = [{position = [-3, 0, 1], yaw_deg = 0}, {position = [-30, 0, 1], yaw_deg = 0}]\n",
+        ["start: place 2 at (-30, 0, 1) lies outside the track, under ground or in a solid"],
+    ),
+    "start in a wall": (
+        SOUND
+        + "[start]\nmiddle = [-3, 0, 1]\nyaw_deg = 0\nspacing = 1\n"
+        + "[[walls]]\nposition = [-3, 0, 1]\nsize = [1, 0.2, 2]\n",
+        ["start: middle at (-3, 0, 1) lies outside the track, under ground or in a solid"],
+    ),
+    "no room for a start": (
+        SOUND + "[bounds]\nlow = [-1, -9, 0]\nhigh = [9, 9, 9]\n",
+        ["no gate has room for a start: 1.6 m before it must lie within the bounds and off all solids"],
     ),
     "many faults at once": (
         "lap = 3\n" + NAME + GATE.replace("2]", "-2]") + SECOND + GATE.replace("yaw_deg = 0", 'width = "w"'),

@@ -22,10 +22,10 @@ def observation_size(track="ring", drones=2, observation="extended"):
     return jax.eval_shape(env.observe, jax.eval_shape(env.reset, jax.random.key(0))).shape[0]
 
 
-def random_params(track="ring", drones=2, observation="extended", seed=0, actions=3, **kind):
-    """Networks of two layers of 8, drawn by NumPy, because JAX would compile for each shape."""
+def random_params(track="ring", drones=2, observation="extended", seed=0, actions=3, hidden=(8, 8), **kind):
+    """Networks of small layers, drawn by NumPy, because JAX would compile for each shape."""
     size = observation_size(track, drones, observation)
-    shape = NetworkShape(size, actions, (8, 8), **kind)
+    shape = NetworkShape(size, actions, hidden, **kind)
     shapes = eqx.filter_eval_shape(ActorCritic, shape, 0.0, jax.random.key(0))
     rng = np.random.default_rng(seed)
     return jax.tree.map(lambda leaf: jnp.array(rng.normal(size=leaf.shape, scale=0.4), jnp.float32), shapes)

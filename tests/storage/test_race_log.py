@@ -59,11 +59,8 @@ def test_kinds_of_events_are_stored_by_name(tmp_path):
     np.testing.assert_array_equal(load_race_log(tmp_path / "race.npz").event_kind, log.event_kind)
 
 
-FIRST_KINDS = (
-    "crossing",
-    "missed_gate",
-    *(f"collision_{what}" for what in ("drone", "ground", "gate_frame", "bounds", "flip")),
-)
+FIRST_COLLISIONS = tuple(f"collision_{what}" for what in ("drone", "ground", "gate_frame", "bounds", "flip"))
+FIRST_KINDS = ("crossing", "missed_gate", *FIRST_COLLISIONS, "finish")
 
 
 def test_logs_of_the_first_format_are_read(tmp_path):

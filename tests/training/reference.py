@@ -64,7 +64,7 @@ def advantages(
 
 def ppo(parameters: dict[str, list], batch: Batch, clip: float, weights: tuple[float, float]) -> dict[str, float]:
     """Total loss and its parts. `parameters`: actor and critic layers, log_std; `weights`: of value and entropy."""
-    observation, action, noise_scale, _, old, advantage, target = (np.float64(x) for x in batch)
+    observation, action, noise_scale, _, old, advantage, target = (np.float64(x) for x in batch[:7])
     log_std = np.asarray(parameters["log_std"])
     new = log_prob(perceptron(parameters["actor"], observation), log_std, action, noise_scale)
     ratio = np.exp(new - old)

@@ -1,5 +1,6 @@
 """Races flown and learned from with a memory and a value network that sees more than the policy."""
 
+import copy
 import functools
 from dataclasses import replace
 
@@ -11,12 +12,14 @@ import pytest
 from cruise.config import PPOConfig, Randomisation, SelfPlayConfig, TrainConfig
 from cruise.env.surroundings import perceive
 from cruise.errors import CruiseError
-from cruise.evaluation.matches import make_match, run_races
+from cruise.evaluation.matches import make_match
+from cruise.export.files import Exporter
 from cruise.presets import TRACKS, VEHICLES
 from cruise.rollout import fly_from, team_rules
 from cruise.storage.checkpoint import load_checkpoint, save_checkpoint
 from cruise.storage.policy_file import load_policy, read_policy, save_policy
 from cruise.training.experience import draw, make_collect
+from cruise.training.initial_state import initial_state
 from cruise.training.trainer import Trainer
 from cruise.training.types import TrainState
 from cruise.training.validation import check_config
@@ -145,10 +148,28 @@ def test_every_race_has_a_memory_of_its_own(tmp_path):
     assert not np.asarray(pilot.init(env, (0, 1), state)).any()
 
 
-def test_a_policy_with_memory_races(tmp_path):
+def test_a_value_network_learns_on_from_what_it_saw(tmp_path):
+    """Never from another observation that happens to be as long."""
+    shape = trainer().initial_state().model.shape
+    sizes = {"critic_observation_size": shape.critic_observation_size}
+    params = random_params(drones=2, kind="gru", memory_size=5, hidden=(6,), **sizes)
+    for seen in ("", "body", "paper"):
+        config = replace(CONFIG, critic_observation=seen)
+        path = save_policy(tmp_path / f"saw-{seen}", params, meta(drones=2, config=config))
+        begun = copy.copy(trainer())
+        begun.config = replace(CONFIG, start_from=str(path))
+        if seen == "paper":
+            assert bits(initial_state(begun).model) == bits(params)
+            continue
+        told = f"give --critic-observation {seen}" if seen else "leave out --critic-observation"
+        with pytest.raises(CruiseError, match=told):
+            initial_state(begun)
+
+
+def test_exports_say_that_they_have_no_memory(tmp_path):
     path, _ = a_policy(tmp_path)
-    log = next(run_races(make_match(TRACKS["ring"], 2, path, laps=1), 1, seed=0))
-    assert log.pilots.tolist() == ["test", "test"]
+    with pytest.raises(CruiseError, match="has a memory, which exported models do not have yet"):
+        Exporter.of(read_policy(path), TRACKS["ring"])
 
 
 @pytest.mark.parametrize(

@@ -12,6 +12,7 @@ import pytest
 from cruise.config import SelfPlayConfig
 from cruise.pilots.network import ActorCritic
 from cruise.training import self_play
+from cruise.training.random_keys import evaluation_keys
 from cruise.training.self_play import Score, has_mastered, may_replace, play_on, replace_opponents, win_rate
 from cruise.training.trainer import Trainer
 from tests.training.replay import compiled_env, fly, networks_actions
@@ -133,7 +134,7 @@ def fly_evaluation(model: ActorCritic, opponents: ActorCritic, alone: bool, key:
 @pytest.mark.parametrize("case", ["equal", "faster", "slower", "alone"])
 def test_evaluation_is_the_race_flown_step_by_step(case):
     trainer, origin = tiny_trainer(), np.array([10, 7], np.uint32)
-    key = jax.random.fold_in(jax.random.key(11), 7)
+    key = evaluation_keys(origin)[0]
     mine, theirs = {"equal": (0.6, 0.6), "faster": (1.0, 0.12), "slower": (0.12, 1.0), "alone": (0.6, 1.0)}[case]
     model, opponents = pilot(mine, 0.05), pilot(theirs)
     found = trainer.evaluate(model, opponents, last_rules(), np.asarray(case == "alone"), origin, None)

@@ -146,7 +146,7 @@ def test_a_policy_can_learn_to_see_less_but_not_be_flown_so():
     ("policy", "words"),
     [
         ("racer-ring", "flies a racer by the body observation, this run trains for a paper by the extended one"),
-        ("ring-2", "other layers than this run: give --hidden"),
+        ("ring-2", "other networks than this run: give --hidden"),
         ("nowhere", "nowhere"),
     ],
 )

@@ -15,6 +15,7 @@ from cruise.vehicles.file import document_faults, file_faults, to_text, value_at
 from tests.vehicles.tables import HEAVY, MALFORMED, OWN, UNREADABLE
 
 RACER = VEHICLES["racer"]
+EXAMPLES = sorted((Path(__file__).parents[2] / "examples" / "vehicles").glob("*.toml"))
 
 
 def write(folder: Path, content: str | bytes) -> Path:
@@ -157,3 +158,9 @@ def test_a_reference_is_a_name_only_where_the_name_says_it_all():
     changed = replace(RACER, mass=1.0)
     assert reference_to(changed) is changed
     assert isinstance(cruise.Vehicle(), Vehicle)
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+def test_the_examples_are_sound(path):
+    assert file_faults(path) == []
+    assert load_vehicle(path).name == path.stem

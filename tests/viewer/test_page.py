@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from cruise.errors import CruiseError
-from cruise.evaluation.metrics import race_result
+from cruise.evaluation.metrics import overtakes, race_result
 from cruise.palette import drone_colour
-from cruise.viewer.packing import looks_ahead, overtakes, pack_race
+from cruise.viewer.packing import looks_ahead, pack_race
 from cruise.viewer.page import replay_page
 from tests.storage.logs import small_log
 from tests.viewer.races import FIELD, Circler, circle_race
@@ -44,13 +44,13 @@ def test_overtakes_are_those_that_are_counted():
     log = circle_race(seconds=30.0, laps=3)
     found = overtakes(log)
     assert len(found) == race_result(log).overtakes >= 2
-    when, drone, other, gate = found[0]
+    when, drone, other, gate, number = found[0]
     ours, theirs = FIELD[drone].crossings(30.0), FIELD[other].crossings(30.0)
     crossing = np.argmin(np.abs(ours - when))
     assert ours[crossing] == pytest.approx(when)
     assert ours[crossing] < theirs[crossing]
     assert ours[crossing - 1] > theirs[crossing - 1]
-    assert gate == crossing % 4
+    assert (gate, number) == (crossing % 4, crossing)
 
 
 def test_winner_and_losses_are_named():

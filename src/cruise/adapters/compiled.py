@@ -8,7 +8,6 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from cruise.config import RewardWeights
 from cruise.env.race_env import RaceEnv
 from cruise.env.surroundings import perceive
 from cruise.env.types import RaceState, Rules, StepOutcome
@@ -29,7 +28,6 @@ class Plan(NamedTuple):
     groups: tuple[Crew, ...]  # the learners' first, which is commanded
     learners: tuple[int, ...]
     observation: str
-    weights: RewardWeights
     mode: Reset
     limit: Array  # of an episode, in control steps; traced, so that another one compiles nothing
 
@@ -143,7 +141,6 @@ def _observed(plan: Plan, state: RaceState) -> Float[Array, "E L O"]:
 def _standing(plan: Plan, state: RaceState) -> Info:
     """The information of a race that has just begun: nothing has happened."""
     shape = (state.step.shape[0], len(plan.learners))
-    names = _effective_names()
     no, zero = jnp.zeros(shape, bool), jnp.zeros(shape)
     return {
         "time": zero,
@@ -154,7 +151,7 @@ def _standing(plan: Plan, state: RaceState) -> Info:
         "missed_gate": no,
         "finished": no,
         "collision": dict.fromkeys(KINDS, no),
-        "reward_components": dict.fromkeys(names, zero),
+        "reward_components": dict.fromkeys(plan.env.reward.names, zero),
     }
 
 
@@ -168,7 +165,7 @@ def _info(plan: Plan, state: RaceState, outcome: StepOutcome, active: Bool[Array
         return values[learners].T
 
     collided = outcome.collisions._asdict()
-    terms = effective_components(plan.weights, outcome)
+    terms = plan.env.reward.counted(outcome)
     time = (state.step * plan.env.dynamics.control_dt).astype(jnp.float32)
     return {
         "time": jnp.broadcast_to(time[:, None], active.T.shape),
@@ -181,27 +178,3 @@ def _info(plan: Plan, state: RaceState, outcome: StepOutcome, active: Bool[Array
         "collision": {kind: mine(collided[kind]) & active.T for kind in KINDS},
         "reward_components": {name: jnp.where(active.T, mine(value), 0.0) for name, value in terms.items()},
     }
-
-
-FLIGHT = ("prox", "prog", "align", "speed")
-INTERACTION = ("near", "coll", "over")
-
-
-def _effective_names() -> tuple[str, ...]:
-    return (*FLIGHT, *INTERACTION, "gate", "terminal", "clip")
-
-
-def effective_components(weights: RewardWeights, outcome: StepOutcome) -> dict[str, Float[Array, "N *B"]]:
-    """The reward's terms as they counted, with a passed gate's, an end's and what the clip took: their sum is it.
-
-    `cruise.env.reward.total_reward` defines how they come together.
-    """
-    ended, passed = outcome.terminated, outcome.crossing.passed & ~outcome.terminated
-    flies = ~(ended | passed)
-    terms = {name: jnp.where(flies, outcome.components[name], 0.0) for name in FLIGHT}
-    terms |= {name: jnp.where(ended, 0.0, outcome.components[name]) for name in INTERACTION}
-    outside = jnp.maximum(outcome.crossing.offset + weights.edge_margin, 0.0)
-    terms["gate"] = jnp.where(passed, weights.gate_bonus - weights.w_edge * outside, 0.0)
-    terms["terminal"] = jnp.where(ended, weights.terminal, 0.0)
-    terms["clip"] = outcome.reward - sum(terms.values())
-    return {name: terms[name] for name in _effective_names()}

@@ -7,12 +7,14 @@ import math
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Any, Literal, NamedTuple
 
 import jax
 import jax.numpy as jnp
 
 from cruise.config import ObservationKind, RewardWeights, Stage, Track, TrainConfig, Vehicle
+from cruise.env.observation import OBSERVATIONS, find_observation
+from cruise.env.payment import find_reward_terms, make_reward
 from cruise.env.race_env import RaceEnv, make_race_env
 from cruise.env.types import Rules, stage_rules
 from cruise.errors import CruiseError
@@ -20,6 +22,7 @@ from cruise.evaluation.matches import MAX_DRONES, MAX_LAPS, Match, make_match
 from cruise.evaluation.pilot_choice import PilotChoice
 from cruise.pilots.base import Crew, Pilot, crews
 from cruise.pilots.foreign import Commanded
+from cruise.pilots.terms_file import load_all_terms
 from cruise.precision import single_precision
 from cruise.presets import CURRICULUM, REWARDS, curriculum_of
 from cruise.racing.track_file import load_track
@@ -50,6 +53,9 @@ class RaceOptions:
     """What the learner sees. It speaks in the same frame: with `extended` in that of its target gate."""
     reward: RewardWeights | str = "default"
     """Weights, or the name of a preset."""
+    terms: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] = ()
+    """Python files that declare observations and reward terms of your own; their code is run, and all reward terms are
+    added."""
     vehicle: VehicleChoice = "paper"
     """A vehicle, the name of a built-in one, or the path of a TOML file."""
     agility: float | None = None
@@ -74,7 +80,6 @@ class Setup(NamedTuple):
     env: RaceEnv
     track: Track
     vehicle: Vehicle
-    weights: RewardWeights
     observation: ObservationKind
     rules: Rules  # arrays
     learners: tuple[int, ...]  # drones that are flown from outside
@@ -90,13 +95,16 @@ def set_up(options: RaceOptions, everybody_learns: bool) -> Setup:
     Raises:
         CruiseError: something does not exist, is out of range, or does not go together.
     """
+    files = (options.terms,) if isinstance(options.terms, str | os.PathLike) else options.terms
+    more = find_reward_terms(load_all_terms(files))
     track = options.track if isinstance(options.track, Track) else load_track(options.track)
     vehicle, weights, stage, agility = _chosen(options)
     drones = _drones(options, everybody_learns)
     learners = tuple(range(drones)) if everybody_learns else (0,)
     opponents = _opponents(options, track, vehicle, drones) if len(learners) < drones else ()
     laps = _laps(options, track)
-    env = _race_env(track, drones, vehicle, options.observation, weights)
+    known = tuple(OBSERVATIONS.values())
+    env = _race_env(track, drones, vehicle, options.observation, weights, more, known)
     scales = [agility] * len(learners) + [pilot.agility for pilot in opponents]
     rules = _rules(stage, vehicle, laps * len(track.gates) + 1 if options.stage == RACE else 0)
     rules = rules._replace(agility=jnp.array(scales, jnp.float32)[:, None])
@@ -105,7 +113,6 @@ def set_up(options: RaceOptions, everybody_learns: bool) -> Setup:
         env=env,
         track=track,
         vehicle=vehicle,
-        weights=weights,
         observation=options.observation,
         rules=jax.tree.map(jnp.asarray, rules),
         learners=learners,
@@ -117,14 +124,15 @@ def set_up(options: RaceOptions, everybody_learns: bool) -> Setup:
 
 @functools.lru_cache(maxsize=16)
 def _race_env(*choices: Any) -> RaceEnv:
-    """The same environment for the same choices, so that nothing is compiled twice."""
-    return make_race_env(*choices)
+    """The same environment for the same choices and known observations, so that nothing is compiled twice."""
+    track, drones, vehicle, observation, weights, more, _ = choices
+    return make_race_env(track, drones, vehicle, observation, make_reward(weights, more))
 
 
 def _chosen(options: RaceOptions) -> tuple[Vehicle, RewardWeights, Stage, float]:
     """Vehicle, weights, stage and agility."""
     vehicle = load_vehicle(options.vehicle)
-    _one_of("observation", options.observation, get_args(ObservationKind))
+    find_observation(options.observation)
     weights = options.reward
     if not isinstance(weights, RewardWeights):
         _one_of("reward", weights, tuple(REWARDS))

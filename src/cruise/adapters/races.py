@@ -42,9 +42,7 @@ class Races:
         """Nothing is compiled before the first reset."""
         self.setup, self.num_races = setup, num_races
         groups, self._python_pilots = separate_python_pilots(setup.env, setup.groups)
-        self._plan = Plan(
-            setup.env, groups, setup.learners, setup.observation, setup.weights, mode, jnp.int32(setup.limit)
-        )
+        self._plan = Plan(setup.env, groups, setup.learners, setup.observation, mode, jnp.int32(setup.limit))
         self._carry: Carry | None = None
         self._shape = (num_races, len(setup.learners), setup.env.dynamics.action_size)
 

@@ -1,18 +1,15 @@
 """Spaces with true bounds."""
 
 import gymnasium
-import jax
 import numpy as np
 
 from cruise.adapters.options import Setup
-from cruise.env.observation_layout import Entry, observation_layout
+from cruise.terms import Entry
 
 
 def layout_of(setup: Setup) -> tuple[Entry, ...]:
     """What the numbers of the observation are, in their order."""
-    env = setup.env
-    size = jax.eval_shape(lambda key: env.observe(env.reset(key)), jax.random.key(0)).shape[0]
-    return observation_layout(setup.observation, env.num_drones, len(setup.track.gates), setup.vehicle.name, size)
+    return setup.env.layout(setup.observation)
 
 
 def observation_box(setup: Setup) -> gymnasium.spaces.Box:

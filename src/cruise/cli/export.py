@@ -30,6 +30,8 @@ class Export:
     """Put the bare network into the ONNX model: the scaled observation in, the action in its frame out."""
     track: Annotated[str | None, described("NAME|FILE")] = None
     """Where the races for the comparison are flown. By default where the policy was trained."""
+    terms: Annotated[tuple[Path, ...], tyro.conf.UseAppendAction, described("FILE.py")] = ()
+    """Python file that declares the observation of the policy, where it is one of your own; its code is run."""
     measure: bool = False
     """Tell how long one action takes on one core of this machine."""
 
@@ -43,8 +45,10 @@ class Export:
         check_output("--c", self.c, ".h")
         prepare_flight()
         from cruise.export.files import Exporter  # noqa: PLC0415  (imports JAX)
+        from cruise.pilots.terms_file import load_all_terms  # noqa: PLC0415
         from cruise.storage.policy_file import read_policy  # noqa: PLC0415
 
+        load_all_terms(self.terms)
         policy = read_policy(self.policy)
         track = load_one_track(self.track) if self.track is not None else usual_track(policy.meta)
         exporter = Exporter.of(policy, track)

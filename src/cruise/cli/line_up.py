@@ -42,6 +42,8 @@ class LineUp:
     vehicle: Annotated[str | None, described("NAME|FILE")] = None
     """What all of them fly: a built-in vehicle (`cruise vehicles` lists them), or path of a TOML file. By default what
     the pilots were made for, or paper."""
+    terms: Annotated[tuple[Path, ...], tyro.conf.UseAppendAction, described("FILE.py")] = ()
+    """Python file that declares observations of your own, which a policy observes by; its code is run. Repeatable."""
     randomise: Annotated[float, described("SHARE")] = 0.0
     """Strength of the domain randomisation: 0 is off, 1 is all that a real drone may differ by, 2 the most."""
     simulator: Annotated[str, described("NAME")] = OUR_SIMULATOR
@@ -52,9 +54,11 @@ class LineUp:
     def match(self, laps: int | None = None) -> "Match":
         """The match that the flags describe. Raises CruiseError where they do not go together."""
         from cruise.evaluation.matches import make_match  # noqa: PLC0415  (imports JAX)
+        from cruise.pilots.terms_file import load_all_terms  # noqa: PLC0415
 
         if self.policy is not None and self.pilot:
             raise CruiseError("--policy flies every drone and --pilot one of them: give one or the other")
+        load_all_terms(self.terms)
         choices = [self.policy] if self.policy is not None else list(self.pilot)
         metas = _metas(choices)
         track = load_track(self.track) if self.track is not None else usual_track(*metas[:1])
@@ -75,8 +79,8 @@ def usual_track(meta: "PolicyMeta | None" = None) -> Track:
     """The track that a policy was trained on, which it has kept. Raises CruiseError where it is not at hand."""
     if meta is None:
         return TRACKS[DEFAULT_TRACK]
-    if meta.layout is not None:
-        return meta.layout
+    if meta.flown_on is not None:
+        return meta.flown_on
     trained_on = meta.config.get("track", meta.track)
     if meta.track in (*TRACKS, RANDOM):
         return load_track(meta.track)
@@ -88,8 +92,8 @@ def usual_track(meta: "PolicyMeta | None" = None) -> Track:
 
 
 def _usual_drones(metas: "list[PolicyMeta]", choices: list[str]) -> int:
-    from cruise.env.observation import FOR_ANY_FIELD  # noqa: PLC0415  (imports JAX)
+    from cruise.env.observation import for_any_field  # noqa: PLC0415  (imports JAX)
 
-    if len(choices) > 1 and all(meta.observation in FOR_ANY_FIELD for meta in metas):
+    if len(choices) > 1 and all(for_any_field(meta.observation) for meta in metas):
         return len(choices)
     return metas[0].drones if metas else DEFAULT_DRONES

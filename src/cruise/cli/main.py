@@ -69,6 +69,9 @@ COMMANDS = {
     "new-pilot": Entry("cruise.cli.new_pilot", "NewPilot", "Write a pilot in Python to start from."),
     "export": Entry("cruise.cli.export", "Export", "Write a policy as an ONNX model or a C header."),
     "vehicles": Entry("cruise.cli.vehicles", "Vehicles", "List, show, check and write vehicles."),
+    "observations": Entry(
+        "cruise.cli.observations", "Observations", "List what policies may observe by, number by number."
+    ),
     "policies": Entry("cruise.cli.policies", "Policies", "List the shipped policies."),
 }
 

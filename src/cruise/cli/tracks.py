@@ -14,7 +14,14 @@ from cruise.config import Track
 from cruise.presets import TRACKS
 from cruise.racing.random_track import USUAL_GATES, random_track
 from cruise.racing.solids import outlines
-from cruise.racing.track_file import document_faults, load_one_track, read_document, save_track, track_faults
+from cruise.racing.track_file import (
+    document_faults,
+    load_one_track,
+    read_document,
+    save_track,
+    track_faults,
+    track_warnings,
+)
 from cruise.racing.track_geometry import lap_length, segment_lengths
 from cruise.racing.track_schema import shown
 
@@ -67,7 +74,10 @@ class Check:
             print(f"{shown(self.track)}: {fault}", file=sys.stderr)
         if faults:
             return 1
-        print(f"{shown(self.track)}: no faults; {_summary(load_one_track(self.track))}")
+        track = load_one_track(self.track)
+        for warning in track_warnings(track):
+            print(f"{shown(self.track)}: warning: {warning}", file=sys.stderr)
+        print(f"{shown(self.track)}: no faults; {_summary(track)}")
         return 0
 
 

@@ -58,6 +58,9 @@ class Train:
     --mass-spread override it. By default 0 for the paper's vehicle and 0.5 for others."""
     reward_preset: Literal["default", "paper"] = "default"
     """Reward weights: the project's, or those printed in the paper."""
+    terms: Annotated[tuple[Path, ...], tyro.conf.UseAppendAction, described("FILE.py")] = ()
+    """Python file that declares observations and reward terms of your own; its code is run. Name the observation with
+    --observation. All reward terms are added, or those of --reward-terms. Repeatable."""
     episodes: int = 100
     """Races in which the finished policy is measured."""
     devices: Annotated[int | None, described("N")] = None
@@ -84,14 +87,16 @@ class Train:
         if self.coordinator or self.process:
             self._join()
         start_jax()
-        from cruise.api_training import CURVES, finish_run  # noqa: PLC0415  (imports JAX, as the next four do)
+        from cruise.api_training import CURVES, finish_run  # noqa: PLC0415  (imports JAX, as the next five do)
+        from cruise.pilots.terms_file import load_all_terms  # noqa: PLC0415
         from cruise.training.devices import choose_devices  # noqa: PLC0415
         from cruise.training.hosts import is_first  # noqa: PLC0415
         from cruise.training.run_track import TRACK, run_track  # noqa: PLC0415
         from cruise.training.session import Interrupted, Session, default_folder, resume_config  # noqa: PLC0415
         from cruise.training.validation import check_config  # noqa: PLC0415
 
-        config = resume_config(self.resume) if self.resume else self._config()
+        rewards = load_all_terms(self.terms)
+        config = resume_config(self.resume) if self.resume else self._config(rewards)
         self._refuse_flags_with_resume()
         check_config(config)
         if not 1 <= self.episodes <= MAX_EPISODES:
@@ -129,16 +134,20 @@ class Train:
             raise CruiseError("--coordinator HOST:PORT and --process I/N go together")
         join(self.coordinator, self.process)
 
-    def _config(self) -> TrainConfig:
+    def _config(self, rewards: tuple[str, ...]) -> TrainConfig:
+        """The flags, with the reward terms that the files of --terms declare where none are named."""
+        config = dataclasses.replace(self.config, reward_terms=self.config.reward_terms or rewards)
         if self.reward_preset == "default":
-            return self.config
+            return config
         if self.config.reward != training_config(self.config.vehicle).reward:
             raise CruiseError(
                 "--reward-preset paper and single reward weights exclude each other: give one or the other"
             )
-        return dataclasses.replace(self.config, reward=REWARDS[self.reward_preset])
+        return dataclasses.replace(config, reward=REWARDS[self.reward_preset])
 
     def _refuse_flags_with_resume(self) -> None:
         changed = self.config != TrainConfig() or self.randomise is not None or self.reward_preset != "default"
         if self.resume and (changed or self.out):
-            raise CruiseError("--resume continues a run as it was configured: leave out every flag but --episodes")
+            raise CruiseError(
+                "--resume continues a run as it was configured: leave out every flag but --episodes and --terms"
+            )

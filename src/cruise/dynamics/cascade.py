@@ -1,7 +1,7 @@
 """The paper's vehicle: a desired acceleration, through a cascade of PD laws, to thrust and torque."""
 
 import jax.numpy as jnp
-from jaxtyping import Array
+from jaxtyping import Array, Float
 
 from cruise.actions import acceleration
 from cruise.config import Vehicle
@@ -12,6 +12,7 @@ from cruise.dynamics.quaternion import Vector
 from cruise.dynamics.rigid_body import Wrench, make_derivative, rotation_matrix, thrust_axis_w
 from cruise.dynamics.tracking import demanded_acceleration
 from cruise.dynamics.types import DroneState, Dynamics, Reference, RigidBody
+from cruise.terms import Term
 from cruise.vector import sin_cos
 
 RATE_SCALE = 3.0  # body rates of a hard turn [rad/s]
@@ -48,7 +49,6 @@ def wrench_from_acceleration(vehicle: Vehicle, command: Vector, body: RigidBody,
 def make_cascade(vehicle: Vehicle) -> Dynamics:
     """The vehicle as pure functions. Its memory is the velocity error of the step before."""
     integrate = make_integrator(vehicle.integrator, make_derivative(vehicle), vehicle.control_dt, vehicle.substeps)
-    error_scale = vehicle.control_dt * AGILITY_SCALE
 
     def init(position_w: Array, heading: Array, parameters: Parameters = AS_BUILT) -> DroneState:
         del heading, parameters  # the mapping to roll and pitch holds at yaw 0, where the attitude loop keeps the drone
@@ -65,13 +65,6 @@ def make_cascade(vehicle: Vehicle) -> Dynamics:
         on_or_above_ground = jnp.stack([x, y, jnp.maximum(z, 0.0)])
         return DroneState(body._replace(position_w=on_or_above_ground), memory=error)
 
-    def proprioception(state: DroneState) -> tuple[Array, ...]:
-        body = _body(state)
-        sin_yaw, cos_yaw = sin_cos(body.euler[2])
-        p, q, r = body.angular_velocity_b
-        level_rates = jnp.stack([cos_yaw * p - sin_yaw * q, sin_yaw * p + cos_yaw * q, r])  # tilt left out: it is small
-        return thrust_axis_w(body.euler), level_rates / RATE_SCALE, state.memory / error_scale
-
     def track(state: DroneState, reference: Reference, agility: Array | float) -> Array:
         return jnp.clip(demanded_acceleration(vehicle.tracking, state, reference, agility), -1.0, 1.0)
 
@@ -81,11 +74,50 @@ def make_cascade(vehicle: Vehicle) -> Dynamics:
         init,
         step,
         euler=lambda state: _body(state).euler,
-        proprioception=proprioception,
+        proprioception=proprioception(vehicle),
         rotation=lambda state: rotation_matrix(_body(state).euler),
-        internal=lambda state: jnp.concatenate([state.angular_velocity_b / RATE_SCALE, state.memory / error_scale]),
+        internal=internal(vehicle),
         track=track,
     )
+
+
+def proprioception(vehicle: Vehicle) -> tuple[Term, ...]:
+    """What the drone feels of itself, as vectors in the world's frame."""
+    level = "roll and pitch rate turned level by the yaw alone, yaw rate"
+    return (
+        Term("thrust_axis", 3, "the body's z axis: where its thrust points", fn=_thrust_axis),
+        Term("body_rates", 3, level, "rad/s", RATE_SCALE, fn=_level_rates),
+        _previous_error(vehicle),
+    )
+
+
+def internal(vehicle: Vehicle) -> tuple[Term, ...]:
+    """The same in its own frame; the controller's memory stays in the world's, in which the vehicle is commanded."""
+    return (
+        Term("body_rates", 3, "roll, pitch and yaw rate", "rad/s", RATE_SCALE, "body", fn=_rates_b),
+        _previous_error(vehicle),
+    )
+
+
+def _rates_b(state: DroneState) -> Float[Array, "3 *B"]:
+    return state.angular_velocity_b
+
+
+def _previous_error(vehicle: Vehicle) -> Term:
+    meaning = "agility x previous action x control_dt, the controller's memory"
+    scale = vehicle.control_dt * AGILITY_SCALE
+    return Term("previous_velocity_error", 3, meaning, "m/s", scale, fn=lambda state: state.memory)
+
+
+def _thrust_axis(state: DroneState) -> Float[Array, "3 *B"]:
+    return thrust_axis_w(_body(state).euler)
+
+
+def _level_rates(state: DroneState) -> Float[Array, "3 *B"]:
+    """The tilt is left out: it is small."""
+    sin_yaw, cos_yaw = sin_cos(_body(state).euler[2])
+    p, q, r = state.angular_velocity_b
+    return jnp.stack([cos_yaw * p - sin_yaw * q, sin_yaw * p + cos_yaw * q, r])
 
 
 def _body(state: DroneState) -> RigidBody:

@@ -21,6 +21,7 @@ from cruise.dynamics.rigid_body import Wrench, make_free_derivative
 from cruise.dynamics.rotors import Demand, Lag, follow, lag_over, rotor_thrusts, saturate, scaled
 from cruise.dynamics.tracking import demanded_force, towards
 from cruise.dynamics.types import DroneState, Dynamics, FreeBody, Reference
+from cruise.terms import Term
 from cruise.vector import stored
 
 
@@ -45,9 +46,9 @@ def make_quadrotor(vehicle: Vehicle) -> Dynamics:
         init=partial(standing, vehicle),
         step=partial(step, vehicle),
         euler=lambda state: quaternion.to_euler(_attitude(state)),
-        proprioception=partial(proprioception, airframe),
+        proprioception=proprioception(airframe),
         rotation=rotation,
-        internal=partial(internal, airframe),
+        internal=internal(airframe),
         track=partial(attitude.track if _by_attitude(vehicle) else track, vehicle),
         induced_air=partial(induced_air, airframe) if airframe.downwash else None,
     )
@@ -173,17 +174,36 @@ def rotation(state: DroneState) -> Float[Array, "3 3 *B"]:
     return quaternion.rotation_matrix(_attitude(state))
 
 
-def proprioception(airframe: Airframe, state: DroneState) -> tuple[Float[Array, "3 *B"], ...]:
-    """Up and forward of the body, and its rates over their limits, in the world."""
-    turn = rotation(state)
-    p, q, r = (rate / highest for rate, highest in zip(state.angular_velocity_b, airframe.rates.highest, strict=True))
-    return turn[:, 2], turn[:, 0], turn[:, 0] * p + turn[:, 1] * q + turn[:, 2] * r
+def proprioception(airframe: Airframe) -> tuple[Term, ...]:
+    """What the drone feels of itself, as vectors in the world's frame."""
+    rates = "angular velocity made of roll, pitch and yaw rate, each over the highest that can be asked for"
+    return (
+        Term("thrust_axis", 3, "the body's z axis: where its thrust points", fn=lambda state: rotation(state)[:, 2]),
+        Term("heading_axis", 3, "the body's x axis: where its nose points", fn=lambda state: rotation(state)[:, 0]),
+        Term("body_rates", 3, rates, fn=partial(_rates_w, airframe)),
+    )
 
 
-def internal(airframe: Airframe, state: DroneState) -> Float[Array, "7 *B"]:
-    """Body rates over their limits, and the last action."""
-    rates = [rate / highest for rate, highest in zip(state.angular_velocity_b, airframe.rates.highest, strict=True)]
-    return jnp.concatenate([jnp.stack(rates), state.memory.commands[0]])
+def internal(airframe: Airframe) -> tuple[Term, ...]:
+    """The same in its own frame, and the last action."""
+    rates = "roll, pitch and yaw rate over the highest that can be asked for"
+    return (
+        Term("body_rates", 3, rates, frame="body", fn=lambda state: jnp.stack(_rates(airframe, state))),
+        Term("previous_action", 4, "the action one control step before", frame="body", fn=_previous_action),
+    )
+
+
+def _rates(airframe: Airframe, state: DroneState) -> list[Array]:
+    return [rate / highest for rate, highest in zip(state.angular_velocity_b, airframe.rates.highest, strict=True)]
+
+
+def _rates_w(airframe: Airframe, state: DroneState) -> Float[Array, "3 *B"]:
+    turn, (p, q, r) = rotation(state), _rates(airframe, state)
+    return turn[:, 0] * p + turn[:, 1] * q + turn[:, 2] * r
+
+
+def _previous_action(state: DroneState) -> Float[Array, "4 *B"]:
+    return state.memory.commands[0]
 
 
 def induced_air(airframe: Airframe, state: DroneState, airborne: Bool[Array, "N *B"]) -> Float[Array, "3 N *B"]:

@@ -44,7 +44,7 @@ class Attitude(NamedTuple):
 
 
 def within_thrust(
-    force_w: Float[Array, "3 *B"], gravity: float, highest: Float[Array, "*B"] | float
+    force_w: Float[Array, "3 *B"], gravity: float, highest: Float[Array, "*#B"] | float
 ) -> Float[Array, "3 *B"]:
     """The force per mass nearest to what is wanted that upright rotors can give; height goes before the rest."""
     highest = HIGHEST_SHARE * highest

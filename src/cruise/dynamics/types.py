@@ -8,6 +8,7 @@ from jaxtyping import Array, Bool, Float
 from cruise.actions import Action, ActionFrame
 from cruise.dynamics.parameters import AS_BUILT, Parameters
 from cruise.dynamics.quaternion import Quaternion, Vector
+from cruise.terms import Term
 
 
 class RigidBody(NamedTuple):
@@ -72,8 +73,9 @@ class Dynamics(NamedTuple):
     `step(state, action, agility, air_w)` advances one `control_dt`, with the action in [-1, 1]^action_size, `agility`
     its scale (what `action` says holds at the vehicle's usual one), and `air_w` [3, *B] the velocity of the air beyond
     the parameters' wind, or None. `track(state, reference, agility)` is the action that follows a reference.
-    `proprioception` is what the drone feels of itself beyond position and velocity, for observations: vectors [3, *B]
-    in the world's frame, scaled to order one; `internal` the same in its own frame with what is no vector, [K, *B].
+    `proprioception` is what the drone feels of itself beyond position and velocity, for observations: terms whose
+    functions take the state of the drones and give vectors [3, *B] in the world's frame; `internal` the same in its
+    own frame, with what is no vector.
     """
 
     action: Action
@@ -81,9 +83,9 @@ class Dynamics(NamedTuple):
     init: Callable[..., DroneState]
     step: Callable[..., DroneState]
     euler: Callable[[DroneState], Array]
-    proprioception: Callable[[DroneState], tuple[Array, ...]]
+    proprioception: tuple[Term, ...]
     rotation: Callable[[DroneState], Array]  # R_WB [3, 3, *B]
-    internal: Callable[[DroneState], Array]
+    internal: tuple[Term, ...]
     track: Callable[[DroneState, Reference, Array | float], Array]
     induced_air: Callable[[DroneState, Bool[Array, "N *B"]], Array] | None = None  # moved by the other drones [m/s]
 

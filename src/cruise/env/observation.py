@@ -1,169 +1,113 @@
-"""What a drone sees: the paper's vector, and an `extended` one in which the order of opponents means nothing."""
+"""Observations by name, the vector that their terms make, and its layout."""
 
 import functools
-import operator
 from collections.abc import Callable
 
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
+from cruise.dynamics import make_dynamics
 from cruise.dynamics.types import Dynamics
-from cruise.env.observation_body import NOTICE as BODY_NOTICE
-from cruise.env.observation_body import body_observation, noticed
-from cruise.env.ranks import ranks
+from cruise.env.observation_body import BODY, BODY_NEAR
+from cruise.env.observation_extended import EXTENDED
+from cruise.env.observation_paper import PAPER
 from cruise.env.types import RaceState
-from cruise.racing.course import Course, pick
-from cruise.racing.field import all_opponents, opponent, opponents
-from cruise.vector import dot, norm, sin_cos, stored
+from cruise.env.view import View, out_of_gate_frame
+from cruise.errors import CruiseError
+from cruise.presets import VEHICLES
+from cruise.racing.course import Course
+from cruise.terms import Entry, Observation, Setting, Term, difference
 
-DISTANCE_MAX = 10.0  # d_max of the paper [m]
-SPEED_MAX = 10.0  # v_max of the paper [m/s]
-EPSILON = 1e-6
-
-
-def paper_observation(course: Course, dynamics: Dynamics, state: RaceState) -> Float[Array, "O N *B"]:
-    """The paper's state vector, clipped to [-1, 1]; size 13 + G + 4 (N - 1).
-
-    An opponent that has left the air is reported as far away: at no offset and at the largest distance.
-    """
-    position, velocity = state.drones.position_w, state.drones.velocity_w
-    to_gate = pick(course.position_w, state.next_gate) - position
-    distance = norm(to_gate)
-    closing = dot(velocity, to_gate) / (distance + EPSILON)
-    cos_gate, sin_gate = pick(course.normal_w, state.next_gate)
-    yaw = dynamics.euler(state.drones)[2]
-    sin_yaw, cos_yaw = sin_cos(yaw)
-    one_hot = jax.nn.one_hot(state.next_gate, course.num_gates, axis=0)
-    parts = [
-        to_gate / DISTANCE_MAX,
-        distance[None] / DISTANCE_MAX,
-        velocity / SPEED_MAX,
-        closing[None] / SPEED_MAX,
-        one_hot,
-        position / DISTANCE_MAX,
-        jnp.stack([sin_yaw * cos_gate - cos_yaw * sin_gate, cos_yaw * cos_gate + sin_yaw * sin_gate]),
-    ]
-    parts += _paper_opponents(position, state.airborne)
-    return jnp.clip(jnp.concatenate(parts), -1.0, 1.0)
+OWN = (EXTENDED, PAPER, BODY, BODY_NEAR)
+OBSERVATIONS = {one.name: one for one in OWN}  # and those that users add
 
 
-def _paper_opponents(position: Array, airborne: Array) -> list[Array]:
-    offsets, separations = [], []
-    for k in opponents(airborne.shape[0]):
-        here = opponent(airborne, k, 0)
-        offset = jnp.where(here, opponent(position, k, 1) - position, 0.0)
-        offsets.append(offset / DISTANCE_MAX)
-        separations.append(jnp.where(here, norm(offset) / DISTANCE_MAX, 1.0)[None])
-    return offsets + separations
+def add_observation(observation: Observation) -> None:
+    """Make an observation known by its name. Raises CruiseError where it is one of CRUISE's own."""
+    if not isinstance(observation, Observation):
+        raise CruiseError(f"expected an Observation, got {type(observation).__name__}")
+    if observation.name in [one.name for one in OWN]:
+        raise CruiseError(f"observation {observation.name!r} is CRUISE's own: give yours another name")
+    OBSERVATIONS[observation.name] = observation
 
 
-GATE_RANGE, OPPONENT_RANGE, SPEED_RANGE, HEIGHT_RANGE = 5.0, 3.0, 5.0, 4.0  # scales of the extended observation
-NOTICE = 5.0  # an opponent farther away than this is not seen, one within half of it is seen whole [m]
-LOOK_AHEAD = 3.0  # how far constant velocity is trusted [s]
-MIN_CLOSING_SPEED = 0.5  # [m/s]
-LIMIT = 3.0  # the extended observation is clipped to [-LIMIT, LIMIT]
-ABSENT = 1e6  # sorts an opponent that left the air behind all others [m]
+def find_observation(name: str) -> Observation:
+    """The observation of a name. Raises CruiseError where none is known."""
+    if name not in OBSERVATIONS:
+        raise CruiseError(
+            f"unknown observation {name!r}; there are {', '.join(OBSERVATIONS)}; "
+            "give the file that declares another (--terms FILE.py, or cruise.load_terms)"
+        )
+    return OBSERVATIONS[name]
 
 
-def to_gate_frame(normal_w: Float[Array, "2 *#B"], vector_w: Float[Array, "3 *#B"]) -> Float[Array, "3 *#B"]:
-    """A world vector along (forward, left, up) of a gate whose normal is (cos yaw, sin yaw)."""
-    (cos_yaw, sin_yaw), (x, y, z) = normal_w, vector_w
-    return jnp.stack([cos_yaw * x + sin_yaw * y, cos_yaw * y - sin_yaw * x, z])
+def observation_layout(name: str, setting: Setting) -> tuple[Entry, ...]:
+    """What the numbers of an observation are, in their order. Raises CruiseError where it is not known."""
+    return tuple(term.entry for term in find_observation(name).terms_for(setting))
 
 
-def from_gate_frame(normal_w: Float[Array, "2 *B"], vector: Float[Array, "3 *B"]) -> Float[Array, "3 *B"]:
-    """The inverse of `to_gate_frame`."""
-    (cos_yaw, sin_yaw), (forward, left, up) = normal_w, vector
-    return jnp.stack([cos_yaw * forward - sin_yaw * left, sin_yaw * forward + cos_yaw * left, up])
+def for_any_field(name: str) -> bool:
+    """Whether an observation is known and has the same numbers whatever the number of drones."""
+    return name in OBSERVATIONS and _for_any_field(OBSERVATIONS[name])
 
 
-def extended_observation(course: Course, dynamics: Dynamics, state: RaceState) -> Float[Array, "O N *B"]:
-    """Own flight, the next three gates, and opponents nearest first, all in the frame of the target gate.
-
-    Seen so, every gate looks alike, and what is learned at one serves at all. Beyond the paper's vector it knows the
-    drone's own attitude, the gates after the target, where the drone would cross the target's plane and how near it
-    would come to each opponent if everybody kept his velocity. Size 20 + 3 P + 9 (N - 1) with P vectors of the
-    vehicle's proprioception. Clipped to [-3, 3].
-    """
-    gates = [(state.next_gate + ahead) % course.num_gates for ahead in range(3)]
-    target, second, third = (pick(course.position_w, g) for g in gates)
-    normal = pick(course.normal_w, gates[0])
-    next_x, next_y = pick(course.normal_w, gates[1])
-    place = to_gate_frame(normal, state.drones.position_w - target)
-    velocity = to_gate_frame(normal, state.drones.velocity_w)
-    distance = norm(place)
-    parts = [
-        place / GATE_RANGE,
-        distance[None] / DISTANCE_MAX,
-        to_gate_frame(normal, second - target) / DISTANCE_MAX,
-        to_gate_frame(normal, third - second) / DISTANCE_MAX,
-        to_gate_frame(normal, jnp.stack([next_x, next_y, jnp.zeros_like(next_x)]))[:2],
-        velocity / SPEED_RANGE,
-        -dot(velocity, place)[None] / (distance + EPSILON) / SPEED_RANGE,
-        state.drones.position_w[2:] / HEIGHT_RANGE,
-        *_predicted_crossing(place, velocity),
-        *(to_gate_frame(normal, vector) for vector in dynamics.proprioception(state.drones)),
-        *_nearest_first(normal, state),
-    ]
-    return jnp.clip(jnp.concatenate(parts), -LIMIT, LIMIT)
+@functools.lru_cache(maxsize=64)
+def _for_any_field(observation: Observation) -> bool:
+    dynamics = make_dynamics(VEHICLES["paper"])
+    few, many = (observation.terms_for(Setting(drones, 3, dynamics)) for drones in (2, 3))
+    return [term.entry for term in few] == [term.entry for term in many]
 
 
-def _predicted_crossing(place: Float[Array, "3 *B"], velocity: Float[Array, "3 *B"]) -> list[Array]:
-    """Where, left and up of the target's centre [2 m], and when [LOOK_AHEAD] the drone would cross its plane."""
-    time = jnp.clip(-place[0] / jnp.maximum(velocity[0], MIN_CLOSING_SPEED), 0.0, LOOK_AHEAD)
-    return [(place[1:] + velocity[1:] * time) / 2.0, time[None] / LOOK_AHEAD]
+def alike(name: str) -> frozenset[str]:
+    """Observations whose numbers mean the same as those of `name`, though some may fade with distance."""
+    setting = Setting(2, 3, make_dynamics(VEHICLES["paper"]))
+    wanted = observation_layout(name, setting)
+    return frozenset(other for other in OBSERVATIONS if not difference(wanted, observation_layout(other, setting)))
 
 
-def _nearest_first(normal: Array, state: RaceState) -> list[Float[Array, "9 N *B"]]:
-    """Nine numbers per opponent, all 0 for one that left the air or is far away.
-
-    Relative position and velocity, closeness, and time and closeness of the nearest approach at constant velocity. They
-    fade out with distance: where a drone that no race ever showed is far off, the policy flies as if it were alone.
-    """
-    position, velocity = state.drones.position_w, state.drones.velocity_w
-    drones = position.shape[1]
-    if drones == 1:
-        return []
-    here = all_opponents(state.airborne, 0)
-    offset, motion = (all_opponents(vector, 1) - vector[:, None] for vector in (position, velocity))
-    separation = norm(offset)
-    time = jnp.clip(-dot(offset, motion) / jnp.maximum(dot(motion, motion), 0.01), 0.0, LOOK_AHEAD)
-    closeness = [jnp.exp(-separation), time / LOOK_AHEAD, jnp.exp(-norm(offset + motion * time))]
-    vectors = [to_gate_frame(normal[:, None], vector) / OPPONENT_RANGE for vector in (offset, motion)]
-    seen = jnp.clip(jnp.concatenate([*vectors, jnp.stack(closeness)]), -LIMIT, LIMIT)
-    features = jnp.where(here, noticed(separation, NOTICE) * seen, 0.0)
-    places = [stored(place.astype(jnp.float32)) for place in ranks(list(jnp.where(here, separation, ABSENT)))]
-
-    def at(slot: int) -> Array:
-        chosen = [jnp.where(place == slot, features[:, k], 0.0) for k, place in enumerate(places)]
-        return functools.reduce(operator.add, chosen)
-
-    return [at(slot) for slot in range(drones - 1)]
+def check_observation(who: str, name: str) -> None:
+    """Raises CruiseError where the observation that somebody flies by is not known."""
+    if name not in OBSERVATIONS:
+        raise CruiseError(
+            f"{who} sees by the observation {name!r}, which is not known here: give the file that declares it "
+            "(--terms FILE.py, or cruise.load_terms)"
+        )
 
 
-def own_action(course: Course, next_gate: Int[Array, "*B"], action: Float[Array, "A *B"]) -> Float[Array, "A *B"]:
-    """What a policy says is the action, in whatever frame the vehicle takes it."""
-    del course, next_gate
-    return action
+def observation_vector(
+    observation: Observation, course: Course, dynamics: Dynamics, state: RaceState
+) -> Float[Array, "O N *B"]:
+    """The terms of an observation, one after the other: each over its scale, clipped to its bounds."""
+    view = View(course, dynamics, state)
+    terms = observation.terms_for(Setting(view.num_drones, view.num_gates, dynamics))
+    return jnp.concatenate([_numbers(observation, term, view) for term in terms])
 
 
-def gate_action(course: Course, next_gate: Int[Array, "*B"], action: Float[Array, "A *B"]) -> Float[Array, "A *B"]:
-    """A policy on the extended observation speaks in the frame of its target gate: turn its action into the world."""
-    return from_gate_frame(pick(course.normal_w, next_gate), action)
+def _numbers(observation: Observation, term: Term, view: View) -> Float[Array, "K N *B"]:
+    value = jnp.asarray(term.fn(view))
+    if term.size == 1 and value.shape == view.airborne.shape:
+        value = value[None]
+    expected = (term.size, *view.airborne.shape)
+    if value.shape != expected:
+        raise CruiseError(
+            f"term {term.name!r} of observation {observation.name!r} gives an array {list(value.shape)}, "
+            f"expected {list(expected)}: its size, drones, races"
+        )
+    return jnp.clip(value if term.scale == 1 else value / term.scale, term.low, term.high)
 
 
-OBSERVATIONS: dict[str, Callable[[Course, Dynamics, RaceState], Array]] = {
-    "paper": paper_observation,
-    "extended": extended_observation,
-    **{kind: functools.partial(body_observation, notice=notice) for kind, notice in BODY_NOTICE.items()},
-}
-FOR_ANY_FIELD = frozenset(BODY_NOTICE)  # do not depend on the number of drones; the same numbers
+Decode = Callable[[Course, Array, Array], Array]
 
 
-def action_decoder(kind: str, dynamics: Dynamics) -> Callable[[Course, Array, Array], Array]:
-    """How what a policy on one kind of observation says becomes the vehicle's action.
+def action_decoder(observation: Observation, dynamics: Dynamics) -> Decode:
+    """How what a policy on an observation says becomes the vehicle's action.
 
     Only directions in the world can be given in a gate's frame; thrust and body rates are the body's own.
     """
-    return gate_action if kind == "extended" and dynamics.action_frame == "world" else own_action
+    turned = observation.action_frame == "gate" and dynamics.action_frame == "world"
+    return out_of_gate_frame if turned else _as_it_is
+
+
+def _as_it_is(course: Course, next_gate: Int[Array, "*B"], action: Float[Array, "A *B"]) -> Float[Array, "A *B"]:
+    del course, next_gate
+    return action

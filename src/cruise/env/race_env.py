@@ -8,20 +8,30 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from cruise.config import ObservationKind, Randomisation, RewardWeights, Track, Vehicle
+from cruise.config import Randomisation, RewardWeights, Track, Vehicle
 from cruise.dynamics import DroneState, Dynamics, make_dynamics
-from cruise.env.observation import OBSERVATIONS, action_decoder
+from cruise.env.observation import (
+    OBSERVATIONS,
+    action_decoder,
+    find_observation,
+    observation_layout,
+    observation_vector,
+)
+from cruise.env.payment import Reward, make_reward
 from cruise.env.randomise import perturbation
-from cruise.env.reward import Motion, Target, reward_components, total_reward
 from cruise.env.step_events import Flown, in_order
+from cruise.env.step_view import StepView
 from cruise.env.surroundings import AS_SAID, Conditions, Surroundings, gust_w
 from cruise.env.types import Collisions, RaceState, Rules, StepOutcome
+from cruise.env.view import View
 from cruise.racing.contacts import meet_opponents, meet_solids, on_ground, out_of_bounds
-from cruise.racing.course import Course, make_course, pick
+from cruise.racing.course import Course, make_course
 from cruise.racing.field import rows
 from cruise.racing.gates import follow_gates
 from cruise.racing.grid import Start, start_grid
 from cruise.racing.passes import passes_per_step
+from cruise.racing.start_room import start_plan
+from cruise.terms import Entry, Observation, Setting
 
 FLIP_ANGLE = jnp.pi / 2
 
@@ -45,6 +55,11 @@ class RaceEnv(NamedTuple):
     decode: Decode  # actions of all drones, or of some, from a policy's frame to that of the vehicle
     observe_as: dict[str, Observe]  # every kind, for pilots that were trained on another
     decode_as: dict[str, Decode]
+    reward: Reward
+
+    def layout(self, observation: str) -> tuple[Entry, ...]:
+        """What the numbers of an observation are, in their order. Raises CruiseError where it is not known."""
+        return observation_layout(observation, Setting(self.num_drones, self.course.num_gates, self.dynamics))
 
     def course_of(self, state: RaceState) -> Course:
         """The gates of a race, or of each race of a batch: the track's, unless they have been moved."""
@@ -53,7 +68,10 @@ class RaceEnv(NamedTuple):
 
 def _with_gates(course: Course, surroundings: Surroundings) -> Course:
     moved = surroundings.gates
-    return course if moved is None else course._replace(position_w=moved.position_w, normal_w=moved.normal_w)
+    if moved is None:
+        return course
+    size = course.half_size if moved.half_size is None else moved.half_size
+    return course._replace(position_w=moved.position_w, normal_w=moved.normal_w, half_size=size)
 
 
 def _air_w(dynamics: Dynamics, state: RaceState) -> Float[Array, "3 N *B"] | None:
@@ -83,8 +101,8 @@ def make_race_env(
     track: Track,
     num_drones: int,
     vehicle: Vehicle,
-    observation: ObservationKind = "extended",
-    reward: RewardWeights | None = None,
+    observation: str = "extended",
+    reward: RewardWeights | Reward | None = None,
     perturb: Perturb | None = None,
     dynamics: Dynamics | None = None,
 ) -> RaceEnv:
@@ -95,14 +113,15 @@ def make_race_env(
         num_drones: how many.
         vehicle: what all of them fly.
         observation: what `observe` gives.
-        reward: weights; by default those of `RewardWeights`.
+        reward: weights, by default those of `RewardWeights`, or terms.
         perturb: draws what the races that `reset` starts are like, `cruise.env.randomise.perturbation` among them; by
             default they are as vehicle and track say, each on a variant of the track where that has any.
         dynamics: what moves the drones; by default our own equations of the vehicle.
     """
-    weights = reward or RewardWeights()
+    paid = reward if isinstance(reward, Reward) else make_reward(reward or RewardWeights())
     env_course = make_course(track)
     passes = passes_per_step(track, vehicle.control_dt)
+    plan = start_plan(track, num_drones)
     dynamics = dynamics or make_dynamics(vehicle)
     perturb = perturb or perturbation(track, vehicle, Randomisation())
 
@@ -118,7 +137,7 @@ def make_race_env(
         start_key, conditions_key = jax.random.split(key)
         conditions = perturb(conditions_key, (num_drones, *batch)) if perturb else AS_SAID
         here = _with_gates(env_course, conditions.surroundings)
-        return begin(start_grid(here, start_key, num_drones, batch, gate), conditions)
+        return begin(start_grid(here, start_key, num_drones, batch, gate, plan), conditions)
 
     def step(state: RaceState, action: Float[Array, "A N *B"], rules: Rules) -> tuple[RaceState, StepOutcome]:
         airborne, course = state.airborne, _with_gates(env_course, state.surroundings)
@@ -143,11 +162,10 @@ def make_race_env(
         flown = Flown(start_w, end_w, airborne, state.gates_passed)
         happened = in_order(course, flown, crossings, touched, met, collisions, rules)
 
-        gate = (pick(table, state.next_gate) for table in (course.position_w, course.normal_w, course.half_size))
-        motion = Motion(state.drones, drones, Target(*gate), weights)
-        components = reward_components(weights, rules, motion, nearest, happened.solid, airborne)
         crossing, *further = happened.crossings
-        reward = total_reward(weights, rules, components, crossing, happened.terminated)
+        view = StepView(View(course, dynamics, state), drones, action, crossing, nearest, happened.solid, rules)
+        components = paid.components(view)
+        reward = paid.total(rules, components, crossing.passed, happened.terminated)
         outcome = StepOutcome(
             reward=jnp.where(airborne, reward, 0.0),
             components=components,
@@ -168,15 +186,16 @@ def make_race_env(
         )
         return next_state, outcome
 
-    def observe(kind: str, state: RaceState) -> Array:
-        return OBSERVATIONS[kind](_with_gates(env_course, state.surroundings), dynamics, state)
+    def observe(seen: Observation, state: RaceState) -> Array:
+        return observation_vector(seen, _with_gates(env_course, state.surroundings), dynamics, state)
 
-    def decode(kind: str, state: RaceState, action: Array, drones: tuple[int, ...] | None = None) -> Array:
+    def decode(seen: Observation, state: RaceState, action: Array, drones: tuple[int, ...] | None = None) -> Array:
         gate = state.next_gate if drones is None else rows(state.next_gate, drones, axis=0)
-        return action_decoder(kind, dynamics)(_with_gates(env_course, state.surroundings), gate, action)
+        return action_decoder(seen, dynamics)(_with_gates(env_course, state.surroundings), gate, action)
 
-    observe_as: dict[str, Observe] = {kind: functools.partial(observe, kind) for kind in OBSERVATIONS}
-    decode_as: dict[str, Decode] = {kind: functools.partial(decode, kind) for kind in OBSERVATIONS}
+    find_observation(observation)
+    observe_as: dict[str, Observe] = {name: functools.partial(observe, seen) for name, seen in OBSERVATIONS.items()}
+    decode_as: dict[str, Decode] = {name: functools.partial(decode, seen) for name, seen in OBSERVATIONS.items()}
     return RaceEnv(
         num_drones=num_drones,
         track=track,
@@ -190,4 +209,5 @@ def make_race_env(
         decode=decode_as[observation],
         observe_as=observe_as,
         decode_as=decode_as,
+        reward=paid,
     )

@@ -1,15 +1,14 @@
-"""The paper's reward (Sec. 3.2.2), one function per component, and the project's two additions."""
+"""The paper's reward (Sec. 3.2.2) and the project's two additions: one function per equation, terms that weigh them."""
 
-from typing import NamedTuple
+import functools
 
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 
 from cruise.config import RewardWeights
-from cruise.dynamics import DroneState
-from cruise.env.types import Rules
+from cruise.env.step_view import StepView
 from cruise.racing.field import opponent, opponents
-from cruise.racing.gates import Crossing
+from cruise.terms import RewardTerm
 from cruise.vector import dot, norm
 
 EPSILON = 1e-6
@@ -44,91 +43,84 @@ def lead_of(offset_w: Float[Array, "3 *B"], velocity_w: Float[Array, "3 *B"]) ->
     return dot(offset_w, velocity_w)
 
 
-def overtakes(motion: "Motion", airborne: Bool[Array, "N *B"], reach: float, sign: str) -> Float[Array, "N *B"]:
+def reward_terms(weights: RewardWeights) -> tuple[RewardTerm, ...]:
+    """The terms of the reward with these weights; the stage decides on two."""
+    w = weights
+    return (
+        RewardTerm("prox", "flight", w.w_prox, functools.partial(_prox, w), PROX),
+        RewardTerm("prog", "flight", w.w_prog, functools.partial(_prog, w), PROG),
+        RewardTerm("align", "flight", -w.w_align, _misaligned, "1 - cos(velocity, direction to the gate)"),
+        RewardTerm("speed", "flight", w.w_speed, functools.partial(_speed, w), SPEED),
+        RewardTerm("gate", "passing", w.gate_bonus, lambda step: jnp.ones_like(step.speed), "1"),
+        RewardTerm("edge", "passing", -w.w_edge, functools.partial(_outside, w), EDGE),
+        RewardTerm("near", "interaction", -w.w_near, functools.partial(_too_near, w), NEAR),
+        RewardTerm("coll", "interaction", lambda rules: -rules.w_coll, lambda step: step.collided, "1 in a collision"),
+        RewardTerm("over", "interaction", lambda rules: rules.w_over, functools.partial(_overtaken, w), OVER),
+    )
+
+
+PROX = "2 (exp(-a x) - exp(-a)) / (1 - exp(-a)) - 1 with x = distance to the gate / 10 m, a = 2"
+PROG = "beta (distance before - distance after) with beta = `progress_scale`"
+SPEED = "-abs(v - v_min), counted from `speed_zero_at`"
+EDGE = "metres that the crossing lies outside the opening shrunk by `edge_margin`"
+NEAR = "metres that the nearest opponent is closer than `near_distance`"
+OVER = "opponents within `overtake_range` that fell behind in this step"
+
+
+def _prox(weights: RewardWeights, step: StepView) -> Float[Array, "N *B"]:
+    return proximity(step.shared(_to_go, weights)[1], weights.proximity_decay, weights.proximity_range)
+
+
+def _prog(weights: RewardWeights, step: StepView) -> Float[Array, "N *B"]:
+    before, after = step.shared(_to_go, weights)
+    made = progress(before, after, weights.progress_scale)
+    if not weights.pay_up_to_v_min:
+        return made
+    return jnp.minimum(1.0, step.rules.v_min / jnp.maximum(step.speed, EPSILON)) * made
+
+
+def _to_go(step: StepView, weights: RewardWeights) -> tuple[Array, Array]:
+    """Distance to the target gate before and after the step [m]: to its centre, or to its opening."""
+    if weights.progress_to == "centre":
+        before, after = (norm(step.before.gate_w() - place) for place in (step.start_w, step.end_w))
+    else:
+        before, after = (step.before.to_opening(place, weights.edge_margin) for place in (step.start_w, step.end_w))
+    return before, after
+
+
+def _misaligned(step: StepView) -> Float[Array, "N *B"]:
+    return misalignment(step.velocity_w, step.before.gate_w() - step.end_w)
+
+
+def _speed(weights: RewardWeights, step: StepView) -> Float[Array, "N *B"]:
+    return speed_match(step.speed, step.rules.v_min, weights.speed_zero_at)
+
+
+def _outside(weights: RewardWeights, step: StepView) -> Float[Array, "N *B"]:
+    return jnp.maximum(step.crossing.offset + weights.edge_margin, 0.0)
+
+
+def _too_near(weights: RewardWeights, step: StepView) -> Float[Array, "N *B"]:
+    return jnp.maximum(weights.near_distance - step.nearest, 0.0)
+
+
+def _overtaken(weights: RewardWeights, step: StepView) -> Float[Array, "N *B"]:
+    return overtakes(step, weights.overtake_range, weights.overtake_sign)
+
+
+def overtakes(step: StepView, reach: float, sign: str) -> Float[Array, "N *B"]:
     """R_over: opponents nearer than `reach` that went from ahead to behind.
 
     `sign="paper"` keeps the printed sign, the opposite.
     """
+    airborne = step.airborne
     count = jnp.zeros(airborne.shape)
     for k in opponents(airborne.shape[0]):
-        before = lead_of(opponent(motion.start_w, k, 1) - motion.start_w, motion.velocity0_w)
-        offset = opponent(motion.end_w, k, 1) - motion.end_w
-        after = lead_of(offset, motion.velocity_w)
+        before = lead_of(opponent(step.start_w, k, 1) - step.start_w, step.velocity0_w)
+        offset = opponent(step.end_w, k, 1) - step.end_w
+        after = lead_of(offset, step.velocity_w)
         if sign == "paper":
             before, after = -before, -after
         counts = airborne & opponent(airborne, k, 0) & (dot(offset, offset) < reach**2)
         count += (before > 0) & (after < 0) & counts
     return count
-
-
-class Target(NamedTuple):
-    """The gate each drone is flying to."""
-
-    position_w: Float[Array, "3 *B"]  # centre [m]
-    normal_w: Float[Array, "2 *B"]
-    half_size: Float[Array, "2 *B"]  # [m]
-
-
-def distance_to_centre(target: Target, position_w: Float[Array, "3 *B"]) -> Float[Array, "*B"]:
-    """d_t of the paper [m]."""
-    return norm(target.position_w - position_w)
-
-
-def distance_to_opening(target: Target, position_w: Float[Array, "3 *B"], margin: float) -> Float[Array, "*B"]:
-    """Distance [m] to the nearest point of the opening shrunk by `margin` on every side: no point of it is better."""
-    x, y, z = position_w - target.position_w
-    cos_yaw, sin_yaw = target.normal_w
-    forward, left = cos_yaw * x + sin_yaw * y, cos_yaw * y - sin_yaw * x
-    beside = jnp.maximum(jnp.abs(left) - jnp.maximum(target.half_size[0] - margin, 0.0), 0.0)
-    above = jnp.maximum(jnp.abs(z) - jnp.maximum(target.half_size[1] - margin, 0.0), 0.0)
-    return jnp.sqrt(forward**2 + beside**2 + above**2)
-
-
-class Motion:
-    """Quantities of one step that several components share. [m], [m/s], world frame."""
-
-    def __init__(self, before: DroneState, after: DroneState, target: Target, weights: RewardWeights) -> None:
-        self.start_w, self.end_w = before.position_w, after.position_w
-        self.velocity0_w, self.velocity_w = before.velocity_w, after.velocity_w
-        self.to_gate_w = target.position_w - self.end_w
-        self.speed = norm(self.velocity_w)
-        if weights.progress_to == "centre":
-            self.distance_before = distance_to_centre(target, self.start_w)
-            self.distance = distance_to_centre(target, self.end_w)
-        else:
-            self.distance_before = distance_to_opening(target, self.start_w, weights.edge_margin)
-            self.distance = distance_to_opening(target, self.end_w, weights.edge_margin)
-
-
-def reward_components(
-    weights: RewardWeights, rules: Rules, motion: Motion, nearest: Array, collided: Array, airborne: Array
-) -> dict[str, Float[Array, "N *B"]]:
-    """Weighted components, signs included, before the gate's bonus and the clip.
-
-    `nearest` is the closest approach to an opponent [m], `collided` any collision of the step.
-    """
-    w = weights
-    paid = jnp.minimum(1.0, rules.v_min / jnp.maximum(motion.speed, EPSILON)) if w.pay_up_to_v_min else 1.0
-    components = {
-        "prox": w.w_prox * proximity(motion.distance, w.proximity_decay, w.proximity_range),
-        "prog": paid * w.w_prog * progress(motion.distance_before, motion.distance, w.progress_scale),
-        "align": -w.w_align * misalignment(motion.velocity_w, motion.to_gate_w),
-        "speed": w.w_speed * speed_match(motion.speed, rules.v_min, w.speed_zero_at),
-        "near": -w.w_near * jnp.maximum(w.near_distance - nearest, 0.0),
-        "coll": -rules.w_coll * collided,
-    }
-    components["over"] = rules.w_over * overtakes(motion, airborne, w.overtake_range, w.overtake_sign)
-    return components
-
-
-def total_reward(
-    weights: RewardWeights, rules: Rules, components: dict[str, Array], crossing: Crossing, terminated: Array
-) -> Float[Array, "N *B"]:
-    """Sum and clip; a passed gate replaces the terms of flight, the end of an episode replaces everything."""
-    interaction = components["near"] + components["coll"] + components["over"]
-    flight = components["prox"] + components["prog"] + components["align"] + components["speed"]
-    outside = jnp.maximum(crossing.offset + weights.edge_margin, 0.0)
-    passing = weights.gate_bonus - weights.w_edge * outside
-    reward = jnp.where(crossing.passed, passing, flight) + interaction
-    highest = jnp.where(crossing.passed, max(weights.clip, weights.gate_bonus), weights.clip)
-    return jnp.where(terminated, rules.crash_share * weights.terminal, jnp.clip(reward, -weights.clip, highest))

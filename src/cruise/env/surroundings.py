@@ -28,6 +28,7 @@ class MovedGates(NamedTuple):
 
     position_w: Float[Array, "3 G *B"]  # [m]
     normal_w: Float[Array, "2 G *B"]
+    half_size: Float[Array, "2 G"] | None = None  # None: as on the track
 
 
 class Gusts(NamedTuple):

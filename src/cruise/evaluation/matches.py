@@ -25,7 +25,7 @@ from cruise.rollout import fly, team_rules
 from cruise.storage.policy_file import USUAL_VEHICLE, read_meta, shipped_name
 from cruise.storage.race_log import RaceLog
 from cruise.storage.recorder import RaceInfo, race_logs
-from cruise.vehicles import VehicleChoice, find_vehicle, fly_alike, load_vehicle, name_of, reference_to
+from cruise.vehicles import VEHICLES, VehicleChoice, find_vehicle, fly_alike, load_vehicle, reference_to
 
 StrPath = str | os.PathLike[str]
 
@@ -116,15 +116,15 @@ def make_match(
 def _in_one_vehicle(pilots: dict[Any, Pilot], names: set[Any], asked: Vehicle | None) -> dict[Any, Pilot]:
     """The pilots, those that a name was enough for put into the vehicle that is asked for or that the others fly."""
     free = {key for key, pilot in pilots.items() if key in names and isinstance(pilot, Versatile)}
-    bound = {pilot.vehicle: pilot.name for key, pilot in pilots.items() if key not in free}
+    bound = {find_vehicle(pilot.vehicle): pilot.name for key, pilot in pilots.items() if key not in free}
     if asked is None and len(bound) > 1:
-        they = ", ".join(sorted(name_of(other) for other in bound))
+        they = ", ".join(sorted(other.name for other in bound))
         raise CruiseError(f"pilots of different vehicles cannot race each other: {they}; say what all fly: vehicle")
-    chosen = asked or find_vehicle(next(iter(bound), USUAL_VEHICLE))
+    chosen = asked or next(iter(bound), VEHICLES[USUAL_VEHICLE])
     for other, name in bound.items():
-        if not fly_alike(find_vehicle(other), chosen):
+        if not fly_alike(other, chosen):
             raise CruiseError(
-                f"pilot {name!r} was made for vehicle {name_of(other)!r}, this race flies {chosen.name!r}, whose "
+                f"pilot {name!r} was made for vehicle {other.name!r}, this race flies {chosen.name!r}, whose "
                 "actions mean something else"
             )
     aboard = {key: pilots[key].for_vehicle(chosen) for key in free}  # type: ignore[attr-defined]

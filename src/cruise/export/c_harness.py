@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cruise.errors import CruiseError
-from cruise.export.c_header import OWN
+from cruise.export.ports import OWN
 from cruise.export.recording import Recording
 
 FLAGS = ("-std=c99", "-O2", "-Wall", "-Wextra", "-Werror", "-pedantic")
@@ -48,7 +48,7 @@ int main(int argc, char **argv) {{
     const size_t count = (size_t)atol(argv[1]);
     const double seconds = argc > 2 ? atof(argv[2]) : 0.0;
     float row[10 + {attitude_size} + {P}_ACTION + 7 * {P}_OTHERS], result[{P}_ACTION + {command_size}];
-    {p}_state *states = calloc(count, sizeof *states);
+    {p}_state *states = ({p}_state *)calloc(count, sizeof *states);
     if (states == NULL) return 1;
     for (size_t k = 0; k < count; ++k) {{
         if (fread(row, sizeof row, 1, stdin) != 1) return 1;
@@ -132,7 +132,7 @@ def _compile(header: str, main: str, folder: Path) -> Path:
 def input_rows(recording: Recording) -> np.ndarray:
     """[M, R] float32, as the harness reads them."""
     inputs = recording.inputs
-    own = [name for name in OWN if name in inputs]
+    own = [port.name for port in OWN if port.name in inputs]
     columns = [*(inputs[name] for name in own), inputs["previous_action"], inputs["next_gate"][:, None]]
     if "others_position_w" in inputs:
         each = (inputs["others_position_w"], inputs["others_velocity_w"], inputs["others_airborne"][:, :, None])

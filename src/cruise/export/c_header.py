@@ -1,48 +1,30 @@
 """A policy as one C99 header."""
 
-import math
 import re
 from importlib import resources
 from string import Template
 from typing import Any
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 
 from cruise import __version__
 from cruise.config import Track
-from cruise.dynamics import cascade
-from cruise.env import observation as env
-from cruise.env import observation_body as body
-from cruise.export.ports import airframe_of
+from cruise.env.race_env import RaceEnv
+from cruise.export.c_arrays import Arrays
+from cruise.export.c_expressions import BOOL, FLOAT, INT, leaf, literal
+from cruise.export.c_printer import statements
+from cruise.export.parts import Parts, make_parts
+from cruise.export.pilot_program import make_model, ports_of, shapes_of_one
+from cruise.export.ports import OWN, Sizes, commands_of
+from cruise.export.program import trace
 from cruise.export.recording import Recording
-from cruise.pilots.network import Perceptron
-from cruise.storage.onnx_file import first_action
+from cruise.storage.onnx_file import Port, first_action
 from cruise.storage.policy_file import Policy
-from cruise.vehicles import find_vehicle
 
-OWN = ("position_w", "velocity_w", "euler", "attitude", "angular_velocity_b")  # of a state, where a vehicle has it
 SAMPLES = 8  # of recorded flight, for the self test
 PER_LINE = 8
-
-SEES = {
-    "extended": "its own flight, three gates and the others, in the frame of the target gate",
-    "paper": "the state vector of the CRUISE paper",
-    "body": "two gates, its own flight and the nearest others, in the frame of its body",
-    "body-near": "two gates, its own flight and the nearest others, fading, in the frame of its body",
-}
-TO_WORLD = """\
-    const float c = cosf(gates[state->next_gate].yaw), s = sinf(gates[state->next_gate].yaw);
-    const float forward = spoken[0], left = spoken[1];
-    spoken[0] = c * forward - s * left;
-    spoken[1] = s * forward + c * left;"""
-SCALES = (
-    *("DISTANCE_MAX", "SPEED_MAX", "EPSILON", "GATE_RANGE", "OPPONENT_RANGE", "SPEED_RANGE", "HEIGHT_RANGE"),
-    *("LOOK_AHEAD", "MIN_CLOSING_SPEED", "LIMIT", "ABSENT", "NOTICE"),
-)
-BODY_SCALES = (
-    *("CORNER_RANGE", "SPEED_RANGE", "HEIGHT_RANGE", "OPPONENT_RANGE", "LIMIT"),
-    *("NEAREST", "GATES_AHEAD"),
-)
 
 
 def prefix_of(policy: Policy) -> str:
@@ -51,25 +33,19 @@ def prefix_of(policy: Policy) -> str:
     return name if name and not name[0].isdigit() else f"policy_{name}".rstrip("_")
 
 
-def c_header(policy: Policy, track: Track, recording: Recording) -> str:
-    """The header's text. `recording` gives the samples of its self test."""
-    kind = policy.meta.observation
-    own = _by_acceleration if airframe_of(policy.meta) is None else _by_thrust_and_rates
-    words = _common(policy, track, recording) | own(policy, track)
-    parts = {
-        "about": f"about_{words['flown']}",
-        "observe": f"observe_{'body' if kind in body.NOTICE else kind}",
-        "command": f"command_{words['flown']}",
-    }
-    filled = {name: _template(f"{part}.h.in").substitute(words).rstrip() for name, part in parts.items()}
-    return _template("policy.h.in").substitute(words | filled)
+def c_header(policy: Policy, track: Track, env: RaceEnv, recording: Recording) -> str:
+    """The header's text. `recording` gives the samples of its self test.
 
-
-def _common(policy: Policy, track: Track, recording: Recording) -> dict[str, Any]:
-    """What every header says."""
-    meta, prefix, network = policy.meta, prefix_of(policy), policy.params.actor
-    rows = sample_rows(recording, meta.drones)
-    return {
+    Raises:
+        CruiseError: the policy has an operation that is not known here.
+    """
+    meta, prefix, commands = policy.meta, prefix_of(policy), commands_of(env)
+    ports = {port.name: port for port in make_model(policy, env, "state").inputs}
+    own = [port for port in OWN if port.name in ports]
+    rows = sample_rows(recording)
+    arrays = Arrays(prefix)
+    bodies = _bodies(policy, env, arrays, ports)
+    words: dict[str, Any] = {
         "p": prefix,
         "P": prefix.upper(),
         "title": _comment(meta.name),
@@ -77,71 +53,109 @@ def _common(policy: Policy, track: Track, recording: Recording) -> dict[str, Any
         "track": _comment(meta.track),
         "steps": f"{meta.all_steps:,}",
         "seed": meta.seed,
-        "kind": SEES[meta.observation],
+        "kind": meta.observation,
+        "vehicle": f"{env.vehicle.name}, {env.vehicle.mass:g} kg",
+        "action_frame": f"in the {env.dynamics.action_frame}'s frame",
+        "action_meaning": commands.meaning,
         "drones": meta.drones,
         "others": meta.drones - 1,
+        "order": "in any order; airborne = 0 where there are fewer"
+        if "any" in str(ports.get("others_position_w"))
+        else "own number + 1 first and around",
         "gates": len(track.gates),
-        "observation": network.layers[0].in_features,
-        "action": network.layers[-1].out_features,
-        "control_dt": literal(find_vehicle(meta.vehicle).control_dt),
+        "observation": policy.params.actor.layers[0].in_features,
+        "action": env.dynamics.action_size,
+        "control_dt": literal(env.dynamics.control_dt),
         "agility": literal(meta.agility),
-        "weights": _weights(network, prefix),
-        "network": _network(network, prefix),
+        "own": "\n".join(f"    float {port.name}[{port.shape[1]}]; /* {_said(port)} */" for port in own),
+        "gate_size": "    float size[2]; /* width and height of the opening [m] */\n" if "gate_size" in ports else "",
+        "start": _start(own, meta.drones - 1, first_action(meta)),
+        "gate_rows": "\n".join(_gate_rows(track, "gate_size" in ports)),
+        "command_name": commands.function,
+        "command_array": commands.array,
+        "command_size": sum(_count(port) for port in commands.ports),
+        "command_said": commands.said,
+        "tables": "\n".join(_table(name, values) for name, values in arrays.constants.items()),
         "samples": len(rows),
         "sample_rows": "\n".join(rows),
     }
+    text = resources.files("cruise.export").joinpath("c", "policy.h.in").read_text(encoding="utf-8")
+    return Template(text).substitute(words | {name: "\n".join(lines) for name, lines in bodies.items()})
 
 
-def _by_acceleration(policy: Policy, track: Track) -> dict[str, Any]:
-    """What is the paper's vehicle's own."""
-    meta = policy.meta
-    gains = vars(find_vehicle(meta.vehicle).controller)
-    scales = {name: getattr(env, name) for name in SCALES}
-    scales |= {name: getattr(cascade, name) for name in ("RATE_SCALE", "AGILITY_SCALE")}
-    return {name: literal(value) for name, value in (gains | scales).items()} | {
-        "flown": "acceleration",
-        "frame": "world",
-        "order": "own number + 1 first and around",
-        "attitude": "    float euler[3];              /* roll, pitch, yaw [rad] */",
-        "gate_size": "",
-        "gate_rows": "\n".join(f"    {{{braces(gate.position_w)}, {literal(gate.yaw)}}}," for gate in track.gates),
-        "decode": TO_WORLD if meta.observation == "extended" else "    (void)gates;",
+def _said(port: Port) -> str:
+    return f"{port.meaning} [{port.unit}]" if port.unit else port.meaning
+
+
+def _count(port: Port) -> int:
+    """Numbers of one drone."""
+    return int(np.prod([int(axis) for axis in port.shape[1:]]))
+
+
+def _bodies(policy: Policy, env: RaceEnv, arrays: Arrays, ports: dict[str, Port]) -> dict[str, list[str]]:
+    """Lines of the header's functions, traced one by one for one drone."""
+    parts, meta = make_parts(policy, env), policy.meta
+    gates = ports["gate_yaw"].shape[0]
+    given = ports_of(policy, env, Sizes(meta.drones - 1, int(gates) if gates.isdigit() else gates))
+    state = shapes_of_one(given)
+    size, actions = int(policy.params.actor.layers[0].in_features), env.dynamics.action_size
+    seen, said = (jax.ShapeDtypeStruct((number,), np.float32) for number in (size, actions))
+    functions = {
+        "observe": (lambda values: {"observation": parts.observe(values)}, state),
+        "network": (lambda values: {"action": parts.network(values["observation"])}, {"observation": seen}),
+        "decode": (lambda values: {"state->action": parts.decode(values, values["said"])}, state | {"said": said}),
+        "command": (lambda values: _commanded(parts, values, commands_of(env).array), state | {"action": said}),
+    }
+    layout = env.layout(meta.observation)
+    first, comments = 0, {}
+    for entry in layout:
+        comments[first] = _comment(f"{entry.name} [{entry.unit or 1}]")
+        first += entry.size
+    return {
+        name: _body(arrays, function, shapes, comments if name == "observe" else {}, name)
+        for name, (function, shapes) in functions.items()
     }
 
 
-def _by_thrust_and_rates(policy: Policy, track: Track) -> dict[str, Any]:
-    """What belongs to a vehicle that is flown by thrust and body rates."""
-    meta = policy.meta
-    vehicle, airframe = find_vehicle(meta.vehicle), airframe_of(meta)
-    assert airframe is not None
-    scales = {name: getattr(body, name) for name in BODY_SCALES}
-    return {name: literal(value) if isinstance(value, float) else value for name, value in scales.items()} | {
-        "flown": "ctbr",
-        "frame": "collective thrust and body rates",
-        "order": "in any order; airborne = 0 where there are fewer",
-        "attitude": "    float attitude[4];           /* unit quaternion (w, x, y, z), body to world */",
-        "gate_size": "    float size[2];       /* width and height of the opening [m] */\n",
-        "gate_rows": "\n".join(
-            f"    {{{braces(gate.position_w)}, {literal(gate.yaw)}, {braces((gate.width, gate.height))}}},"
-            for gate in track.gates
-        ),
-        "decode": "    (void)gates;",
-        "highest_rates": braces(airframe.rates.highest),
-        "noticed": _noticed(prefix_of(policy), body.NOTICE[meta.observation]),
-        "hovering": braces(first_action(meta)),
-        "vehicle": vehicle.name,
-        "mass": f"{vehicle.mass:g}",
-        "thrust_to_weight": f"{meta.agility / vehicle.gravity:.3g}",
-    }
+def _commanded(parts: Parts, values: dict[str, Any], name: str) -> dict[str, Any]:
+    commanded = parts.command(values, values["action"])
+    return {name: jnp.concatenate([jnp.atleast_1d(value) for value in commanded.values()])}
 
 
-def _noticed(prefix: str, notice: float) -> str:
-    """How much is seen of who is so far away, as `cruise.env.observation_body.noticed`."""
-    return "1.0f" if math.isinf(notice) else f"{prefix}_clip(2.0f - 2.0f * separation / {literal(notice)}, 0.0f, 1.0f)"
+def _body(arrays: Arrays, function: Any, shapes: dict[str, Any], comments: dict[int, str], name: str) -> list[str]:
+    program = trace(function, shapes)
+    inputs = {key: _leaves(key, shape.shape) for key, shape in shapes.items()}
+    if name == "command":
+        inputs["action"] = _leaves("state->action", (shapes["action"].shape))
+    ((target, nodes),) = arrays.run(program, inputs).items()
+    lines = statements(arrays, [(f"{target}[{i}]", node) for i, node in enumerate(nodes)], comments)
+    text = "\n".join(lines)
+    unused = [f"(void){word};" for word in ("gates", "num_gates") if name == "observe" and word not in text]
+    return [f"    {line}" for line in [*unused, *lines]]
 
 
-def _template(name: str) -> Template:
-    return Template(resources.files("cruise.export").joinpath("c", name).read_text(encoding="utf-8"))
+def _leaves(name: str, shape: tuple[Any, ...]) -> np.ndarray:
+    """What C calls the numbers of an input."""
+    if name.startswith("gate_"):
+        field = name.removeprefix("gate_")
+        names = [f"gates[@].{field}[{i}]" for i in range(shape[0])] if len(shape) > 1 else [f"gates[@].{field}"]
+        return _nodes(names, FLOAT).reshape((*shape[:-1], 1))
+    if name.startswith("others_"):
+        field = name.removeprefix("others_")
+        if field == "airborne":
+            return _nodes([f"state->others[{k}].airborne" for k in range(shape[0])], BOOL)
+        names = [f"state->others[{k}].{field}[{i}]" for i in range(shape[0]) for k in range(shape[1])]
+        return _nodes(names, FLOAT).reshape(shape)
+    if name == "next_gate":
+        return _nodes(["state->next_gate"], INT).reshape(())
+    place = name if name in ("said", "observation") or "->" in name else f"state->{name}"
+    return _nodes([f"{place}[{i}]" for i in range(shape[0])], FLOAT)
+
+
+def _nodes(names: list[str], kind: np.dtype) -> np.ndarray:
+    array = np.empty(len(names), object)
+    array[:] = [leaf(name, kind) for name in names]
+    return array
 
 
 def _comment(text: str) -> str:
@@ -149,60 +163,49 @@ def _comment(text: str) -> str:
     return "".join(c if c.isprintable() else " " for c in text).replace("*/", "* /").replace("/*", "/ *")
 
 
-def literal(value: float) -> str:
-    """A float of C that reads back as the same number."""
-    return f"{np.format_float_scientific(np.float32(value), unique=True, trim='0', exp_digits=1)}f"
-
-
-def braces(values: np.ndarray | tuple[float, ...]) -> str:
+def braces(values: Any) -> str:
     """An initialiser."""
     return "{" + ", ".join(literal(value) for value in np.asarray(values).ravel().tolist()) + "}"
 
 
-def _weights(network: Perceptron, prefix: str) -> str:
-    parts = []
-    for i, layer in enumerate(network.layers):
-        for kind, array in (("weight", layer.weight), ("bias", layer.bias)):
-            numbers = [literal(value) for value in np.asarray(array).ravel().tolist()]
-            lines = (", ".join(numbers[k : k + PER_LINE]) for k in range(0, len(numbers), PER_LINE))
-            body = ",\n    ".join(lines)
-            parts.append(f"static const float {prefix}_{kind}_{i}[{len(numbers)}] = {{\n    {body}\n}};")
-    return "\n".join(parts)
+def _table(name: str, values: np.ndarray) -> str:
+    numbers = [literal(value) for value in values.ravel().tolist()]
+    lines = (", ".join(numbers[k : k + PER_LINE]) for k in range(0, len(numbers), PER_LINE))
+    body = ",\n    ".join(lines)
+    return f"static const float {name}[{len(numbers)}] = {{\n    {body}\n}};"
 
 
-def _network(network: Perceptron, prefix: str) -> str:
-    lines, source = [], "observation"
-    last = len(network.layers) - 1
-    for i, layer in enumerate(network.layers):
-        rows, columns = layer.out_features, layer.in_features
-        into = "action" if i == last else f"hidden_{i}"
-        if i < last:
-            lines.append(f"float hidden_{i}[{rows}];")
-        arguments = f"{prefix}_weight_{i}, {prefix}_bias_{i}, {rows}, {columns}, {source}, {into}"
-        lines.append(f"{prefix}_layer({arguments});")
-        if i < last:
-            lines.append(f"for (int i = 0; i < {rows}; ++i) hidden_{i}[i] = tanhf(hidden_{i}[i]);")
-        source = into
-    return "\n".join(f"    {line}" for line in lines)
+def _gate_rows(track: Track, sizes: bool) -> list[str]:
+    rows = []
+    for gate in track.gates:
+        size = f", {braces((gate.width, gate.height))}" if sizes else ""
+        rows.append(f"    {{{braces(gate.position_w)}, {literal(gate.yaw)}{size}}},")
+    return rows
 
 
-def sample_rows(recording: Recording, drones: int) -> list[str]:
+def _start(own: list[Port], others: int, first: tuple[float, ...]) -> str:
+    at_rest = {"attitude": (1.0, 0.0, 0.0, 0.0)}
+    fields = [braces(at_rest.get(port.name, (0.0,) * _count(port))) for port in own]
+    nobody = f"{{{braces((0.0,) * 3)}, {braces((0.0,) * 3)}, 0}}"
+    seen = [f"{{{', '.join([nobody] * others)}}}"] if others else []
+    return "{" + ", ".join([*fields, "0", *seen, braces((0.0,) * len(first)), braces(first)]) + "}"
+
+
+def sample_rows(recording: Recording) -> list[str]:
     """Some recorded states, with the actions that were flown, as initialisers of `state`."""
     count = len(recording.outputs["action"])
     chosen = np.unique(np.linspace(0, count - 1, min(SAMPLES, count)).astype(int)).tolist()
-    return [f"        {state_initialiser(recording, row, drones)}," for row in chosen]
+    return [f"        {state_initialiser(recording, row)}," for row in chosen]
 
 
-def state_initialiser(recording: Recording, row: int, drones: int) -> str:
+def state_initialiser(recording: Recording, row: int) -> str:
     """One recorded state."""
     inputs = recording.inputs
-    own = [name for name in OWN if name in inputs]
-    fields = [f".{name} = {braces(inputs[name][row])}" for name in own]
-    fields.append(f".next_gate = {int(inputs['next_gate'][row])}")
-    if drones > 1:
+    fields = [braces(inputs[port.name][row]) for port in OWN if port.name in inputs]
+    fields.append(str(int(inputs["next_gate"][row])))
+    if "others_airborne" in inputs:
         others = zip(*(inputs[f"others_{name}"][row] for name in ("position_w", "velocity_w", "airborne")), strict=True)
         each = ", ".join(f"{{{braces(place)}, {braces(velocity)}, {int(here)}}}" for place, velocity, here in others)
-        fields.append(f".others = {{{each}}}")
-    fields.append(f".action = {braces(recording.outputs['action'][row])}")
-    fields.append(f".previous_action = {braces(inputs['previous_action'][row])}")
+        fields.append(f"{{{each}}}")
+    fields += [braces(recording.outputs["action"][row]), braces(inputs["previous_action"][row])]
     return "{" + ", ".join(fields) + "}"

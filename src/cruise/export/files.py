@@ -10,11 +10,13 @@ from pathlib import Path
 import numpy as np
 
 from cruise.config import Track
+from cruise.env.race_env import RaceEnv
 from cruise.errors import CruiseError
 from cruise.export.c_harness import compiler, run_header
 from cruise.export.c_header import c_header, prefix_of
 from cruise.export.contract import export_env, make_contract
 from cruise.export.onnx_policy import onnx_model
+from cruise.export.pilot_program import make_model
 from cruise.export.recording import Recording, record
 from cruise.storage.atomic import write_atomically
 from cruise.storage.onnx_file import Interface, load_runtime
@@ -43,6 +45,7 @@ class Exporter:
 
     policy: Policy
     track: Track
+    env: RaceEnv
     recording: Recording
 
     @classmethod
@@ -50,7 +53,8 @@ class Exporter:
         """Record the races. Raises CruiseError where the policy cannot be exported, or does not fit the track."""
         if policy.params.has_memory:
             raise CruiseError(f"policy {policy.meta.name!r} has a memory, which exported models do not have yet")
-        return cls(policy, track, record(export_env(policy, track), policy.pilot()))
+        env = export_env(policy, track)
+        return cls(policy, track, env, record(env, policy.pilot()))
 
     def onnx(self, path: StrPath, interface: Interface = "state", measure: bool = False) -> Exported:
         """Write an ONNX model.
@@ -63,8 +67,8 @@ class Exporter:
         Raises:
             CruiseError: a library is missing, the model does not do as the policy does, or the file cannot be written.
         """
-        env = export_env(self.policy, self.track)
-        data = onnx_model(self.policy, make_contract(self.policy, self.track, env, interface))
+        model = make_model(self.policy, self.env, interface)
+        data = onnx_model(model, make_contract(self.policy, self.track, self.env, interface, model))
         session = load_runtime().InferenceSession(data, providers=["CPUExecutionProvider"])
         inputs, wanted = self.expected(interface)
         difference = _difference(session.run(["action"], inputs)[0], wanted["action"])
@@ -83,7 +87,7 @@ class Exporter:
         Raises:
             CruiseError: it does not compile or do as the policy does, or the file cannot be written.
         """
-        header = c_header(self.policy, self.track, self.recording)
+        header = c_header(self.policy, self.track, self.env, self.recording)
         difference, seconds = None, None
         if compiler() is not None or measure:
             with tempfile.TemporaryDirectory() as folder:

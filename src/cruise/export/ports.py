@@ -1,61 +1,104 @@
-"""Inputs and outputs of an exported policy: names, shapes, units, frames."""
+"""Inputs and outputs of an exported pilot: names, shapes, units, frames; and what its actions command."""
 
-from cruise.config import Airframe
-from cruise.env.observation_body import NOTICE
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from cruise.dynamics.cascade import commanded_acceleration, velocity_error
+from cruise.dynamics.quadrotor import setpoint
+from cruise.env.observation import action_decoder, gate_action
+from cruise.env.race_env import RaceEnv
 from cruise.storage.onnx_file import Port
 from cruise.storage.policy_file import PolicyMeta
-from cruise.vehicles import find_vehicle
+
+OWN = (  # of a state, where a vehicle has it
+    Port("position_w", ("B", "3"), "float32", "m", "world", "own position"),
+    Port("velocity_w", ("B", "3"), "float32", "m/s", "world", "own velocity"),
+    Port("attitude", ("B", "4"), "float32", "", "body to world", "own unit quaternion (w, x, y, z)"),
+    Port("euler", ("B", "3"), "float32", "rad", "world to body", "own roll, pitch, yaw (ZYX)"),
+    Port("angular_velocity_b", ("B", "3"), "float32", "rad/s", "body", "own roll, pitch and yaw rate (p, q, r)"),
+)
 
 
-def airframe_of(meta: PolicyMeta) -> Airframe | None:
-    """Of a vehicle that is flown by thrust and body rates; None for the paper's, which is flown by accelerations."""
-    return find_vehicle(meta.vehicle).airframe
+class Sizes(NamedTuple):
+    """Of the axes of an exported pilot's inputs: a number, or the letter that stands for any."""
+
+    others: Any
+    gates: Any
 
 
-def state_ports(meta: PolicyMeta) -> tuple[Port, ...]:
-    """Inputs of the whole pilot, in order."""
-    agile = airframe_of(meta) is not None
-    own = (
-        Port("position_w", ("B", "3"), "float32", "m", "world", "own position"),
-        Port("velocity_w", ("B", "3"), "float32", "m/s", "world", "own velocity"),
-        _attitude() if agile else _euler(),
-        Port("angular_velocity_b", ("B", "3"), "float32", "rad/s", "body", "own roll, pitch and yaw rate (p, q, r)"),
-        _previous_action(agile),
-        Port("next_gate", ("B",), "int64", "", "", "index of the gate to pass next"),
+class Commands(NamedTuple):
+    """What an action of a vehicle means outside."""
+
+    meaning: str
+    first: str  # what counts as the action before the first
+    ports: tuple[Port, ...]  # what it commands
+    function: str  # of the C header that gives them, in one array of this name
+    array: str
+    said: str  # there
+
+
+ACCELERATION = Commands(
+    "in [-1, 1]; wanted velocity = velocity + agility x action x control_dt",
+    "0 at first",
+    (
+        Port(
+            *("acceleration_w", ("B", "3"), "float32", "m/s^2", "world"),
+            "that the paper's velocity loop commands for it, without gravity",
+        ),
+    ),
+    *("acceleration", "acceleration_w"),
+    "What the paper's velocity loop commands for the action, gravity apart [m/s^2], world. It is flown as thrust\n"
+    " * mass * (g + a_z) >= 0, roll -a_y / g, pitch a_x / g.",
+)
+THRUST_AND_RATES = Commands(
+    "collective thrust and three rates, in [-1, 1]",
+    "(2 x gravity / agility - 1, 0, 0, 0), which hovers, at first",
+    (
+        Port("thrust", ("B",), "float32", "m/s^2", "body", "collective, per mass: agility x (action[0] + 1) / 2"),
+        Port("body_rates_b", ("B", "3"), "float32", "rad/s", "body", "wanted p, q, r: action[1:] x the highest rates"),
+    ),
+    *("command", "command"),
+    "Collective thrust per mass [m/s^2], then roll, pitch and yaw rate [rad/s], for the vehicle's rate loop.",
+)
+
+
+def commands_of(env: RaceEnv) -> Commands:
+    """What the actions of the environment's vehicle mean."""
+    return ACCELERATION if env.dynamics.action_frame == "world" else THRUST_AND_RATES
+
+
+def command(env: RaceEnv, agility: float, values: dict[str, Array], action: Float[Array, "A *B"]) -> dict[str, Array]:
+    """What the vehicle's loops make of an action; `values` is the state, by the names of the ports."""
+    vehicle = env.vehicle
+    if vehicle.airframe is not None:
+        asked = setpoint(vehicle.airframe, action, agility)
+        return {"thrust": asked.thrust, "body_rates_b": jnp.stack(list(asked.rates_b))}
+    given = (action, values["previous_action"])
+    error, before = (velocity_error(one, agility, vehicle.control_dt) for one in given)
+    return {"acceleration_w": commanded_acceleration(vehicle, error, before, values["velocity_w"])}
+
+
+def state_ports(meta: PolicyMeta, env: RaceEnv, fields: tuple[str, ...], sizes: Sizes) -> tuple[Port, ...]:
+    """Inputs of the whole pilot, in order. `fields` are those of the vehicle's body."""
+    size, frame, others = str(env.dynamics.action_size), env.dynamics.action_frame, str(sizes.others)
+    said = f"the output `action` one control step before; {commands_of(env).first}"
+    order = "own number + 1 first and around" if others.isdigit() else "any number in any order"
+    seen = (
+        Port("others_position_w", ("B", others, "3"), "float32", "m", "world", f"the others, {order}"),
+        Port("others_velocity_w", ("B", others, "3"), "float32", "m/s", "world", "in the same order"),
+        Port("others_airborne", ("B", others), "bool", "", "", "false for one that left the air: it is not seen"),
     )
-    gates = (
-        Port("gate_position_w", ("G", "3"), "float32", "m", "world", "centres of the gates, in the order of flight"),
-        Port("gate_yaw", ("G",), "float32", "rad", "world", "headings of the direction of flight through them"),
-    )
-    sizes = Port("gate_size", ("G", "2"), "float32", "m", "", "widths and heights of the openings")
-    return own + _others(meta, agile) + gates + ((sizes,) if agile else ())
-
-
-def _attitude() -> Port:
-    return Port("attitude", ("B", "4"), "float32", "", "body to world", "own unit quaternion (w, x, y, z)")
-
-
-def _euler() -> Port:
-    return Port("euler", ("B", "3"), "float32", "rad", "world to body", "own roll, pitch, yaw (ZYX)")
-
-
-def _previous_action(agile: bool) -> Port:
-    first = "(2 x gravity / agility - 1, 0, 0, 0), which hovers, at first" if agile else "0 at first"
-    frame = "body" if agile else "world"
-    said = f"the output `action` one control step before; {first}"
-    return Port("previous_action", ("B", "4" if agile else "3"), "float32", "", frame, said)
-
-
-def _others(meta: PolicyMeta, agile: bool) -> tuple[Port, ...]:
-    """Opponents: as many as in training for the paper's vehicle, any number M for one that sees only the nearest."""
-    if meta.drones == 1:
-        return ()
-    count = "M" if agile else str(meta.drones - 1)
-    order = "any number in any order" if agile else "own number + 1 first and around"
+    gates = str(sizes.gates)
     return (
-        Port("others_position_w", ("B", count, "3"), "float32", "m", "world", f"the others, {order}"),
-        Port("others_velocity_w", ("B", count, "3"), "float32", "m/s", "world", "in the same order"),
-        Port("others_airborne", ("B", count), "bool", "", "", "false for one that left the air: it is not seen"),
+        *(port for port in OWN if port.name in fields),
+        Port("previous_action", ("B", size), "float32", "", frame, said),
+        Port("next_gate", ("B",), "int64", "", "", "index of the gate to pass next"),
+        *(seen if meta.drones > 1 else ()),
+        Port("gate_position_w", (gates, "3"), "float32", "m", "world", "centres of the gates, in the order of flight"),
+        Port("gate_yaw", (gates,), "float32", "rad", "world", "headings of the direction of flight through them"),
+        Port("gate_size", (gates, "2"), "float32", "m", "", "widths and heights of the openings"),
     )
 
 
@@ -66,31 +109,20 @@ def observation_port(size: int) -> Port:
     )
 
 
-NETWORK_FRAMES: dict[str, str] = {
-    "paper": "world",
-    "extended": "gate: forward, left, up of the target gate",
-    **dict.fromkeys(NOTICE, "body: collective thrust, roll, pitch and yaw rate"),
-}
-
-
-def network_action(meta: PolicyMeta) -> Port:
-    """Output of the bare network."""
-    size, turned = ("4", "") if airframe_of(meta) else ("3", " only after it is turned into the world")
-    frame = NETWORK_FRAMES[meta.observation]
+def network_action(observation: str, env: RaceEnv) -> Port:
+    """Output of the bare network on a kind of observation."""
+    frame, turned, size = "body: collective thrust, roll, pitch and yaw rate", "", str(env.dynamics.action_size)
+    if env.dynamics.action_frame == "world":
+        gate = action_decoder(observation, env.dynamics) is gate_action
+        frame, turned = NETWORK_FRAMES[gate], " only after it is turned into the world"
     return Port("action", ("B", size), "float32", "", frame, f"to be clipped to [-1, 1]{turned}")
 
 
-def command_ports(meta: PolicyMeta) -> tuple[Port, ...]:
+NETWORK_FRAMES = ("world", "gate: forward, left, up of the target gate")
+
+
+def command_ports(env: RaceEnv) -> tuple[Port, ...]:
     """Outputs of the whole pilot."""
-    if airframe_of(meta) is None:
-        meaning = "in [-1, 1]; wanted velocity = velocity + agility x action x control_dt"
-        loop = "that the paper's velocity loop commands for it, without gravity"
-        return (
-            Port("action", ("B", "3"), "float32", "", "world", meaning),
-            Port("acceleration_w", ("B", "3"), "float32", "m/s^2", "world", loop),
-        )
-    return (
-        Port("action", ("B", "4"), "float32", "", "body", "collective thrust and three rates, in [-1, 1]"),
-        Port("thrust", ("B",), "float32", "m/s^2", "body", "collective, per mass: agility x (action[0] + 1) / 2"),
-        Port("body_rates_b", ("B", "3"), "float32", "rad/s", "body", "wanted p, q, r: action[1:] x the highest rates"),
-    )
+    said, dynamics = commands_of(env), env.dynamics
+    action = Port("action", ("B", str(dynamics.action_size)), "float32", "", dynamics.action_frame, said.meaning)
+    return (action, *said.ports)

@@ -7,7 +7,7 @@ import traceback
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any, Literal
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from cruise.config import ObservationKind, Vehicle
+from cruise.env.observation import OBSERVATIONS
 from cruise.env.race_env import RaceEnv
 from cruise.env.types import RaceState
 from cruise.errors import CruiseError, one_line
@@ -104,8 +105,8 @@ def wrap(thing: object, name: str | None = None, budget: float = DEFAULT_BUDGET)
         raise CruiseError(f"the time budget of a pilot must be above 0, got {budget:g} s")
     style, make = _asked(thing, name)
     observation = getattr(thing, "observation", None)
-    if observation not in (None, *get_args(ObservationKind)):
-        kinds = ", ".join(get_args(ObservationKind))
+    if observation not in (None, *OBSERVATIONS):
+        kinds = ", ".join(OBSERVATIONS)
         raise CruiseError(f"pilot {name!r}: unknown observation {observation!r}; there are {kinds}, or None")
     vehicle = getattr(thing, "vehicle", "paper")
     if not isinstance(vehicle, Vehicle) and vehicle not in VEHICLES:

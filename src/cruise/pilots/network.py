@@ -11,7 +11,6 @@ from jaxtyping import Array, Bool, Float
 
 from cruise.config import NetworkKind
 
-Params = "ActorCritic"
 Carry = Any  # what a network remembers from step to step, batch axes last; () where it remembers nothing
 
 
@@ -28,7 +27,9 @@ class Perceptron(eqx.Module):
         for fan_in, fan_out, gain, k in zip(sizes[:-1], sizes[1:], gains, keys, strict=True):
             layer = eqx.filter_eval_shape(eqx.nn.Linear, fan_in, fan_out, key=k)  # drawn here, not there
             weight = gain * jax.nn.initializers.orthogonal()(k, (fan_out, fan_in), jnp.float32)
-            layers.append(eqx.tree_at(lambda la: (la.weight, la.bias), layer, (weight, jnp.zeros(fan_out))))
+            layers.append(
+                eqx.tree_at(lambda la: (la.weight, la.bias), layer, (weight, jnp.zeros(fan_out, jnp.float32)))
+            )
         self.layers = tuple(layers)
 
     def __call__(self, x: Float[Array, "I *B"], first: int = 0) -> Float[Array, "O *B"]:
@@ -78,7 +79,12 @@ class Recurrent(eqx.Module):
             return jnp.concatenate([orthogonal(k, (memory, columns), jnp.float32) for k in keys])
 
         cell = eqx.filter_eval_shape(eqx.nn.GRUCell, sizes[0], memory, key=keys[0])
-        parts = (weight(keys[0:3], sizes[0]), weight(keys[3:6], memory), jnp.zeros(3 * memory), jnp.zeros(memory))
+        parts = (
+            weight(keys[0:3], sizes[0]),
+            weight(keys[3:6], memory),
+            jnp.zeros(3 * memory, jnp.float32),
+            jnp.zeros(memory, jnp.float32),
+        )
         self.cell = eqx.tree_at(lambda c: (c.weight_ih, c.weight_hh, c.bias, c.bias_n), cell, parts)
         self.head = Perceptron((memory, *sizes[1:]), head_gain, keys[6])
 

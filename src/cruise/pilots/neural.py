@@ -6,13 +6,14 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from cruise.config import ObservationKind, Vehicle
-from cruise.env.observation import FOR_ANY_FIELD
+from cruise.env.observation import check_observation, for_any_field
 from cruise.env.race_env import RaceEnv
 from cruise.env.types import RaceState
 from cruise.errors import CruiseError
 from cruise.pilots.base import Memory
 from cruise.pilots.network import ActorCritic
 from cruise.racing.field import rows
+from cruise.terms import Entry, difference
 
 
 class NeuralPilot(eqx.Module):
@@ -27,10 +28,12 @@ class NeuralPilot(eqx.Module):
     agility: float = eqx.field(static=True)
     name: str = eqx.field(static=True)
     vehicle: str | Vehicle = eqx.field(static=True, default="paper")
+    layout: tuple[Entry, ...] = eqx.field(static=True, default=())  # of its observation; () where nobody wrote it down
 
     def init(self, env: RaceEnv, drones: tuple[int, ...], state: RaceState) -> Memory:
         """What the network remembers before the start. Raises CruiseError where the policy does not fit the race."""
-        if self.observation not in FOR_ANY_FIELD and self.drones != env.num_drones:
+        check_observation(f"policy {self.name!r}", self.observation)
+        if not for_any_field(self.observation) and self.drones != env.num_drones:
             raise CruiseError(
                 f"policy {self.name!r} was trained for races of {self.drones} drones, this race has {env.num_drones}"
             )
@@ -41,6 +44,9 @@ class NeuralPilot(eqx.Module):
                 f"policy {self.name!r} reads {takes} numbers, but the {self.observation!r} observation has {seen} in "
                 f"this race of {env.num_drones} drones and {env.course.num_gates} gates"
             )
+        other = difference(self.layout, env.layout(self.observation)) if self.layout else None
+        if other:
+            raise CruiseError(f"policy {self.name!r} was trained on another observation {self.observation!r}: {other}")
         if gives != env.dynamics.action_size:
             raise CruiseError(
                 f"policy {self.name!r} gives {gives} numbers, but this vehicle's action has {env.dynamics.action_size}"

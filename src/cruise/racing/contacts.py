@@ -8,7 +8,7 @@ from jaxtyping import Array, Bool, Float
 from cruise.geometry import NEVER, distance2_at, nearest_fraction
 from cruise.racing.course import Course, over_columns
 from cruise.racing.field import over_opponents
-from cruise.racing.solids import KINDS
+from cruise.racing.solids import KINDS, SolidKind
 
 
 def closest_approach(
@@ -37,7 +37,9 @@ def meet_opponents(
     if aspect != 1.0:
         start_w, end_w = (jnp.stack([x, y, z / aspect]) for x, y, z in (start_w, end_w))
 
-    def visit(found: tuple[Array, ...], k: int, start1_w: Array, end1_w: Array, here: Array) -> tuple[Array, ...]:
+    def visit(
+        found: tuple[Array, ...], k: Array | int, start1_w: Array, end1_w: Array, here: Array
+    ) -> tuple[Array, ...]:
         offset = start1_w - start_w
         motion = (end1_w - end_w) - offset
         both = airborne & here
@@ -86,22 +88,21 @@ def meet_solids(
 
     Only of kinds that stand on the track.
     """
-    found = {}
-    for kind in KINDS:
-        table = (course.solids or {}).get(kind.name)
-        if table is not None:
-            found[kind.name] = over_columns(
-                table.shape[1],
-                lambda first, i, kind=kind, table=table: jnp.minimum(first, kind.contact(table[:, i], start_w, end_w)),
-                jnp.full(end_w.shape[1:], NEVER),
-            )
-    return found
+    tables = course.solids or {}
+    return {kind.name: _meet_kind(kind, tables[kind.name], start_w, end_w) for kind in KINDS if kind.name in tables}
+
+
+def _meet_kind(kind: SolidKind, table: Float[Array, "C S"], start_w: Array, end_w: Array) -> Array:
+    def visit(first: Array, solid: Array | int) -> Array:
+        return jnp.minimum(first, kind.contact(table[:, solid], start_w, end_w))
+
+    return over_columns(table.shape[1], visit, jnp.full(end_w.shape[1:], NEVER))
 
 
 def nearest_gate_distance2(course: Course, position_w: Float[Array, "3 *B"]) -> Float[Array, "*B"]:
     """Squared distance to the nearest gate's centre [m^2]."""
 
-    def visit(nearest: Array, gate: int) -> Array:
+    def visit(nearest: Array, gate: Array | int) -> Array:
         x, y, z = (position_w[i] - course.position_w[i, gate] for i in range(3))
         return jnp.minimum(nearest, x * x + y * y + z * z)
 

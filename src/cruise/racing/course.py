@@ -11,6 +11,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from cruise.config import Gate, Track
 from cruise.racing.solids import solid_columns
+from cruise.vector import is_plain
 
 UNROLLED = 16  # gates or solids up to which a loop over them is written out: more are scanned, or gathered
 
@@ -80,14 +81,22 @@ def _tilt(gates: tuple[Gate, ...]) -> Float[Array, "4 G"] | None:
 
 def opening(course: Course, gate: int | Int[Array, ""]) -> Opening:
     """One gate, the same for all drones."""
-    tables = (course.position_w, course.normal_w, course.half_size, course.tilt, course.is_round)
-    return Opening(*(None if table is None else table[:, gate] for table in tables))
+    return _opening(course, lambda table: table[:, gate])
 
 
 def target_opening(course: Course, gate: Int[Array, "*B"]) -> Opening:
     """For every drone the gate of its number."""
-    tables = (course.position_w, course.normal_w, course.half_size, course.tilt, course.is_round)
-    return Opening(*(None if table is None else pick(table, gate) for table in tables))
+    return _opening(course, lambda table: pick(table, gate))
+
+
+def _opening(course: Course, column: Callable[[Array], Array]) -> Opening:
+    return Opening(
+        column(course.position_w),
+        column(course.normal_w),
+        column(course.half_size),
+        None if course.tilt is None else column(course.tilt),
+        None if course.is_round is None else column(course.is_round),
+    )
 
 
 def pick(table: Float[Array, "C G *R"], gate: Int[Array, "*B"]) -> Float[Array, "C *B"]:
@@ -96,6 +105,8 @@ def pick(table: Float[Array, "C G *R"], gate: Int[Array, "*B"]) -> Float[Array, 
     A sum over selects, which vectorises where a gather does not, up to `UNROLLED` gates; beyond, a gather.
     """
     races = table.shape[2:]
+    if is_plain() and not races:
+        return table.take(gate, axis=1, mode="clip")
     ones = (1,) * (gate.ndim - len(races))
     if table.shape[1] > UNROLLED:
         spread = table.reshape(*table.shape[:2], *ones, *races)

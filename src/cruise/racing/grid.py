@@ -1,4 +1,4 @@
-"""Where drones wait for the start: side by side before a gate, never closer than 1 m."""
+"""Where drones wait for the start: side by side before a gate, or at the places that the track says."""
 
 from typing import NamedTuple
 
@@ -7,13 +7,17 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from cruise.racing.course import Course, pick
+from cruise.racing.start_room import (
+    JITTER,
+    LANE_SPACING,
+    MIN_HEIGHT,
+    NEAREST,
+    ROW_SPACING,
+    USUAL,
+    StartPlan,
+)
 
-LANES = 4  # drones in a row
-LANE_SPACING = 1.25  # [m]
-ROW_SPACING = 1.5  # [m]
-JITTER = 0.08  # of every coordinate; even along a diagonal 1.25 - 2 * 0.08 * sqrt(2) > 1.02 m remain between two [m]
-NEAREST, FARTHEST = 1.5, 3.0  # of the first row from the gate [m]
-MIN_HEIGHT = 0.3  # [m]
+LANES = USUAL.lanes
 
 
 class Start(NamedTuple):
@@ -25,25 +29,59 @@ class Start(NamedTuple):
 
 
 def start_grid(
-    course: Course, key: Array, num_drones: int, batch: tuple[int, ...] = (), gate: int | None = None
+    course: Course,
+    key: Array,
+    num_drones: int,
+    batch: tuple[int, ...] = (),
+    gate: int | None = None,
+    plan: StartPlan | None = None,
 ) -> Start:
-    """Random starts: a random gate (or `gate`), lanes drawn anew, everything jittered."""
+    """Random starts: a random gate (or `gate`), lanes drawn anew, everything jittered.
+
+    A `plan` says where there is room, or which places to draw; the usual grid fits everywhere without one.
+    """
     gate_key, back_key, lane_key, jitter_key = jax.random.split(key, 4)
-    if gate is None:
-        gates = jax.random.randint(gate_key, batch, 0, course.num_gates)
-    else:
-        gates = jnp.full(batch, gate)
+    jitter = jax.random.uniform(jitter_key, (3, num_drones, *batch), minval=-JITTER, maxval=JITTER)
     slot = jnp.argsort(jax.random.uniform(lane_key, (num_drones, *batch)), axis=0)
-    row, lane = slot // LANES, slot % LANES
-    in_row = jnp.minimum(num_drones - row * LANES, LANES)
-    sideways = (lane - (in_row - 1) / 2) * LANE_SPACING
-    back = jax.random.uniform(back_key, batch, minval=NEAREST, maxval=FARTHEST) + row * ROW_SPACING
+    if plan is not None and plan.places and gate is None:
+        return _at_places(plan, slot, jitter)
+    gates = _first_gates(course, gate_key, batch, gate, plan)
+    lanes, scale, farthest = _grid_of(gates, plan)
+    row, lane = slot // lanes, slot % lanes
+    in_row = jnp.minimum(num_drones - row * lanes, lanes)
+    sideways = (lane - (in_row - 1) / 2) * (LANE_SPACING * scale)
+    back = jax.random.uniform(back_key, batch, minval=NEAREST, maxval=farthest) + row * (ROW_SPACING * scale)
     centre, normal = pick(course.position_w, gates), pick(course.normal_w, gates)
     x = centre[0] - normal[0] * back - normal[1] * sideways
     y = centre[1] - normal[1] * back + normal[0] * sideways
     z = jnp.broadcast_to(centre[2], x.shape)
-    jitter = jax.random.uniform(jitter_key, (3, num_drones, *batch), minval=-JITTER, maxval=JITTER)
     position = jnp.stack([x, y, z]) + jitter
     position = position.at[2].max(MIN_HEIGHT)
     heading = jnp.broadcast_to(jnp.arctan2(normal[1], normal[0]), x.shape)
     return Start(position, heading, gates)
+
+
+def _first_gates(
+    course: Course, key: Array, batch: tuple[int, ...], gate: int | None, plan: StartPlan | None
+) -> Int[Array, "*B"]:
+    if gate is not None:
+        return jnp.full(batch, gate)
+    if plan is None or len(plan.gates) == course.num_gates:
+        return jax.random.randint(key, batch, 0, course.num_gates)
+    return jnp.array(plan.gates)[jax.random.randint(key, batch, 0, len(plan.gates))]
+
+
+def _grid_of(gates: Int[Array, "*B"], plan: StartPlan | None) -> tuple[Array | float, ...]:
+    """Lanes, scale and farthest first row of the grid before each first gate."""
+    if plan is None:
+        return USUAL
+    return tuple(jnp.array(column)[gates] for column in zip(*plan.grids, strict=True))
+
+
+def _at_places(plan: StartPlan, slot: Int[Array, "N *B"], jitter: Float[Array, "3 N *B"]) -> Start:
+    """The first places, as many as there are drones, dealt out by chance."""
+    position = jnp.array([place for place, _ in plan.places]).T[:, slot]
+    lowest = jnp.minimum(position[2], MIN_HEIGHT)
+    heading = jnp.array([yaw for _, yaw in plan.places])[slot]
+    gate = jnp.full(slot.shape[1:], plan.gates[0])
+    return Start((position + jitter).at[2].max(lowest), heading, gate)

@@ -9,7 +9,7 @@ from cruise.config import Obstacle, Pole, Track, Wall
 from cruise.errors import CruiseError
 from cruise.racing.clearance import clearance
 from cruise.racing.detours import BERTHS
-from cruise.racing.solids import outlines
+from cruise.racing.solids import KINDS, outlines
 from cruise.racing.track_file import track_faults
 from cruise.racing.ways import ways
 
@@ -38,7 +38,9 @@ def with_obstacles(rng: np.random.Generator, track: Track, number: int) -> Track
         if found is None:
             raise CruiseError(f"there is no room for {number} obstacles beside the ways of {track.name}: ask for fewer")
         track = found
-    return track
+    kinds = [kind.made_of for kind in KINDS]  # in whose order a file has them
+    solids = sorted(track.obstacles, key=lambda solid: kinds.index(type(solid)))
+    return dataclasses.replace(track, obstacles=tuple(solids))
 
 
 def _grids(track: Track) -> np.ndarray:

@@ -4,14 +4,16 @@ A new kind is a dataclass in `cruise.config`, a `SolidKind` here and a `COLLISIO
 `cruise.racing.events`. Its outline, an upright box or cylinder, is what logs store and screens draw.
 """
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from cruise import geometry
+from cruise import geometry, toml_file
 from cruise.config import Obstacle, Pole, Vec3, Wall
 from cruise.geometry import Number, Vector
+from cruise.racing import track_schema as schema
+from cruise.racing.track_schema import Check, Table
 
 
 class Outline(NamedTuple):
@@ -30,6 +32,10 @@ class SolidKind(NamedTuple):
     name: str  # of `Collisions` and events
     table: str  # [[...]] in a track file
     made_of: type
+    keys: Mapping[str, Check]  # of its table; `position` and those of `required` must be there
+    required: Mapping[str, str]  # what they are
+    read: Callable[[Table], Any]  # of a table without faults
+    write: Callable[[Any], dict[str, Any]]
     column: Callable[[Any], tuple[float, ...]]  # its numbers, as `contact` takes them
     contact: Callable[[Any, Vector, Vector], Number]  # (numbers, start, end) -> fraction of the step, or NEVER
     outline: Callable[[Any], Outline]
@@ -61,6 +67,14 @@ KINDS = (
         name="pole",
         table="poles",
         made_of=Pole,
+        keys={"position": schema.point, "radius": schema.positive, "height": schema.positive},
+        required={
+            "position": "the middle of its foot, as in position = [3, 0, 0]",
+            "radius": "as in radius = 0.1",
+            "height": "as in height = 3",
+        },
+        read=lambda table: Pole(schema.vec3(table["position"]), float(table["height"]), float(table["radius"])),
+        write=lambda pole: {"position": list(pole.base_w), "radius": pole.radius, "height": pole.height},
         column=lambda pole: (*pole.base_w, pole.radius, pole.height),
         contact=_pole_contact,
         outline=_pole_outline,
@@ -69,6 +83,17 @@ KINDS = (
         name="wall",
         table="walls",
         made_of=Wall,
+        keys={"position": schema.point, "size": schema.sides, "yaw_deg": schema.number, "yaw_rad": schema.number},
+        required={
+            "position": "its centre, as in position = [3, 0, 1.5]",
+            "size": "length, thickness and height, as in size = [4, 0.2, 3]",
+        },
+        read=lambda table: Wall(schema.vec3(table["position"]), schema.vec3(table["size"]), schema.angle(table, "yaw")),
+        write=lambda wall: {
+            "position": list(wall.position_w),
+            "size": list(wall.size),
+            **schema.angle_key("yaw", wall.yaw),
+        },
         column=lambda wall: (*wall.position_w, *geometry.heading_of(wall.yaw), *(side / 2 for side in wall.size)),
         contact=_wall_contact,
         outline=lambda wall: Outline("wall", "box", wall.position_w, wall.size, wall.yaw),
@@ -93,3 +118,11 @@ def solid_columns(obstacles: Iterable[Obstacle]) -> dict[str, np.ndarray]:
 def outlines(obstacles: Iterable[Obstacle]) -> Iterator[Outline]:
     """What each solid looks like from outside."""
     return (kind_of(obstacle).outline(obstacle) for obstacle in obstacles)
+
+
+def solid_faults(kind: SolidKind, table: object) -> list[str]:
+    """Faults of one table of a kind of solid, each on its own."""
+    if not isinstance(table, Mapping):
+        return [f"must be a table, got {schema.spell(table)}"]
+    faults = list(toml_file.key_faults(table, kind.keys, kind.required))
+    return faults + list(schema.angle_faults(table, "yaw"))

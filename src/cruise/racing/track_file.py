@@ -1,22 +1,23 @@
 """Tracks as TOML files, and every fault a track can have. Plain Python: no JAX.
 
-A track file has `name`, optionally `laps`, `frame_width`, `leave_distance` and `[bounds]`, and one `[[gates]]` table
-for each gate in the order of flight; `docs/tracks.md` describes every key.
+A track file has `name`, optionally `laps`, `frame_width`, `leave_distance`, `[bounds]` and `[start]`, one `[[gates]]`
+table for each gate in the order of flight, and `[[poles]]` and `[[walls]]`; `docs/tracks.md` describes every key.
 """
 
-import math
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 import tomli_w
 
-from cruise.config import Gate, Track, Vec3
+from cruise.config import Gate, Start, StartLine, StartPlace, StartPlaces, Track, Vec3
 from cruise.errors import CruiseError
 from cruise.files import write_whole
 from cruise.presets import TRACKS
+from cruise.racing import start_room
 from cruise.racing import track_geometry as geometry
 from cruise.racing import track_schema as schema
+from cruise.racing.solids import KINDS, Outline, kind_of, solid_faults
 from cruise.toml_file import FileKind, StrPath, read_toml, reason, refuse
 
 MARGIN = 10.0  # of the default bounds around the openings [m]
@@ -25,7 +26,9 @@ FRAME_WIDTH = 0.3  # default [m]
 SIZE = 2.0  # default width and height of an opening [m]
 LAPS = 3  # default
 RANDOM = "random"  # the name that stands for tracks drawn at random
+MAX_SOLIDS = 200  # of a kind
 KIND = FileKind("track", TRACKS)
+TRACK_KEYS = {**schema.TRACK_KEYS, "start": schema.anything, **{kind.table: schema.anything for kind in KINDS}}
 
 _POINT = re.compile(r"\[\n +(\S+),\n +(\S+),\n +(\S+),\n\]")  # as the writer spreads three numbers over lines
 
@@ -89,9 +92,16 @@ def track_faults(track: Track) -> list[str]:
     return document_faults(to_document(track))
 
 
+def track_warnings(track: Track) -> list[str]:
+    """What is worth a word about a track without faults, one line each: frames that overlap, gates without a start."""
+    gates = dict(enumerate(track.gates))
+    frames = geometry.touching_frames(gates, len(gates), track.frame_width)
+    return [*frames, *start_room.start_warnings(track)]
+
+
 def document_faults(document: schema.Table) -> list[str]:
     """Every fault of a track file's content. Sound gates are compared even where others are faulty."""
-    faults = list(schema.key_faults(document, schema.TRACK_KEYS))
+    faults = list(schema.key_faults(document, TRACK_KEYS))
     bounds_faults = schema.bounds_faults(document["bounds"]) if "bounds" in document else []
     faults += [f"bounds: {text}" for text in bounds_faults]
     gates = document.get("gates", [])
@@ -103,12 +113,39 @@ def document_faults(document: schema.Table) -> list[str]:
         faults += [f"{geometry.gate_place(i)}: {text}" for text in gate_faults]
         if not gate_faults:
             sound[i] = _gate(table)
-    return faults + list(_faults_among(document, sound, bounded=not bounds_faults))
+    faults += _faults_among(document, sound, bounded=not bounds_faults)
+    if "start" in document:
+        faults += [f"start: {text}" for text in schema.start_faults(document["start"], len(gates))]
+    solids, solids_faults = _solids(document)
+    faults += solids_faults
+    if not bounds_faults and sound:
+        faults += geometry.obstructions(sound, solids, *_bounds(document, sound.values()))
+    return faults if faults else list(start_room.start_faults(from_document(document)))
+
+
+def _solids(document: schema.Table) -> tuple[list[tuple[str, Outline]], list[str]]:
+    """Outlines of sound solids with their names, and the faults of the others."""
+    found, faults = [], []
+    for kind in KINDS:
+        tables = document.get(kind.table, [])
+        if not isinstance(tables, list):
+            faults.append(f"{kind.table} must be an array of tables, each headed [[{kind.table}]]")
+            continue
+        if len(tables) > MAX_SOLIDS:
+            faults.append(f"{len(tables)} {kind.table} are too many: at most {MAX_SOLIDS}")
+            continue
+        for number, table in enumerate(tables, start=1):
+            name = f"{kind.name} {number}"
+            texts = solid_faults(kind, table)
+            faults += [f"{name}: {text}" for text in texts]
+            found += [] if texts else [(name, kind.outline(kind.read(table)))]
+    return found, faults
 
 
 def _faults_among(document: schema.Table, gates: dict[int, Gate], bounded: bool) -> Iterator[str]:
     """Faults of sound gates towards each other and the limits, as far as those are sound themselves."""
     count = len(document["gates"])
+    yield from geometry.far_away(gates)
     yield from geometry.facing_away(gates, count)
     frame_width = document.get("frame_width", FRAME_WIDTH)
     if not schema.not_negative(frame_width):
@@ -127,16 +164,37 @@ def read_document(path: StrPath) -> dict[str, Any]:
 
 def to_document(track: Track) -> dict[str, Any]:
     """A track as what its file holds."""
-    return {
+    document: dict[str, Any] = {
         "name": track.name,
         "laps": track.laps,
         "frame_width": track.frame_width,
         "leave_distance": track.leave_distance,
         "bounds": {"low": list(track.bounds_low), "high": list(track.bounds_high)},
-        "gates": [
-            {"position": list(gate.position_w), **_yaw(gate.yaw), "width": gate.width, "height": gate.height}
-            for gate in track.gates
-        ],
+    }
+    if track.start is not None:
+        document["start"] = {"gate": track.start_gate + 1, **_start_table(track.start)}
+    document["gates"] = [_gate_table(gate) for gate in track.gates]
+    for solid in track.obstacles:
+        kind = kind_of(solid)
+        document.setdefault(kind.table, []).append(kind.write(solid))
+    return document
+
+
+def _gate_table(gate: Gate) -> dict[str, Any]:
+    table = {"position": list(gate.position_w), **schema.angle_key("yaw", gate.yaw)}
+    for name, angle in (("roll", gate.roll), ("pitch", gate.pitch)):
+        table |= schema.angle_key(name, angle) if angle else {}
+    if gate.shape == "round":
+        return table | {"shape": gate.shape, "diameter": gate.width}
+    return table | {"width": gate.width, "height": gate.height}
+
+
+def _start_table(start: Start) -> dict[str, Any]:
+    if isinstance(start, StartLine):
+        yaw = schema.angle_key("yaw", start.yaw)
+        return {"middle": list(start.middle_w), **yaw, "spacing": start.spacing}
+    return {
+        "places": [{"position": list(place.position_w), **schema.angle_key("yaw", place.yaw)} for place in start.places]
     }
 
 
@@ -153,31 +211,36 @@ def from_document(document: schema.Table) -> Track:
         laps=document.get("laps", LAPS),
         frame_width=float(document.get("frame_width", FRAME_WIDTH)),
         leave_distance=float(document.get("leave_distance", max(LEAVE_DISTANCE, longest))),
+        obstacles=tuple(kind.read(table) for kind in KINDS for table in document.get(kind.table, [])),
+        start=_start(document["start"]) if "start" in document else None,
+        start_gate=document.get("start", {}).get("gate", 1) - 1,
     )
 
 
 def _gate(table: schema.Table) -> Gate:
     """The gate of a table without faults."""
-    yaw = float(table["yaw_rad"]) if "yaw_rad" in table else math.radians(table["yaw_deg"])
-    return Gate(_vec3(table["position"]), yaw, float(table.get("width", SIZE)), float(table.get("height", SIZE)))
+    size = float(table.get("diameter", SIZE))
+    return Gate(
+        schema.vec3(table["position"]),
+        schema.angle(table, "yaw"),
+        float(table.get("width", size)),
+        float(table.get("height", size)),
+        schema.angle(table, "roll"),
+        schema.angle(table, "pitch"),
+        table.get("shape", "rectangle"),
+    )
 
 
-def _yaw(yaw: float) -> dict[str, float]:
-    """Degrees, where they give the same float back; radians otherwise."""
-    degrees = math.degrees(yaw)
-    for candidate in (round(degrees, 9), degrees):
-        if math.radians(candidate) == yaw and abs(candidate) <= schema.LIMIT:
-            return {"yaw_deg": candidate}
-    return {"yaw_rad": yaw}
+def _start(table: schema.Table) -> Start:
+    """The start of a table without faults."""
+    if "places" not in table:
+        return StartLine(schema.vec3(table["middle"]), schema.angle(table, "yaw"), float(table["spacing"]))
+    places = table["places"]
+    return StartPlaces(tuple(StartPlace(schema.vec3(one["position"]), schema.angle(one, "yaw")) for one in places))
 
 
 def _bounds(document: schema.Table, gates: Iterable[Gate]) -> tuple[Vec3, Vec3]:
     """Bounds as given, or a box around the gates that stands on the ground."""
     if "bounds" in document:
-        return _vec3(document["bounds"]["low"]), _vec3(document["bounds"]["high"])
+        return schema.vec3(document["bounds"]["low"]), schema.vec3(document["bounds"]["high"])
     return geometry.box_around(gates, MARGIN)
-
-
-def _vec3(values: Sequence[float]) -> Vec3:
-    x, y, z = (float(value) for value in values)
-    return x, y, z

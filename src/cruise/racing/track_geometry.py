@@ -5,9 +5,11 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from cruise.config import Gate, Vec3
+from cruise.racing.solids import Outline
+from cruise.racing.track_boxes import MIN_DEPTH, TOUCH, Box, frame_boxes, opening_box, outline_box, share_room
 
-MIN_DEPTH = 0.1  # a gate takes at least this much room along its normal [m]
-TOUCH = 1e-6  # gates that share no more than this only touch [m]
+# In single precision, 0.03 mm is told apart at this distance: a drone at 0.1 m/s moves 0.2 mm in a step of 2 ms.
+FARTHEST = 500.0  # of gates from the origin, along every axis [m]
 WAY_SAMPLES = 32
 
 Gates = Mapping[int, Gate]  # by number in the order of flight, 0 first
@@ -33,15 +35,66 @@ def box_around(gates: Iterable[Gate], margin: float) -> tuple[Vec3, Vec3]:
 
 
 def overlaps(gates: Gates, count: int, frame_width: float) -> Iterator[str]:
-    """Gates, of `count` in all, whose openings and frames share room, but for one that is flown twice a lap.
+    """Gates, of `count` in all, whose openings share room, or one's opening with the other's frame.
 
-    Nobody flies a gate twice in succession: two of one place that follow each other are a slip of the pen.
+    But for one that is flown twice a lap. Nobody flies a gate twice in succession: two of one place that follow each
+    other are a slip of the pen.
     """
+    for (i, a), (j, b) in _pairs(gates, count, frame_width):
+        apart = f"their centres are {math.dist(a.position_w, b.position_w):.3g} m apart"
+        if share_room(opening_box(a), opening_box(b)):
+            yield f"{gate_place(i)}: overlaps gate {j + 1}: their openings share room, {apart}"
+        elif any(_bar_in_opening(*pair, frame_width) for pair in ((a, b), (b, a))):
+            yield f"{gate_place(i)}: overlaps gate {j + 1}: the frame of one stands in the other's opening, {apart}"
+
+
+def touching_frames(gates: Gates, count: int, frame_width: float) -> Iterator[str]:
+    """Gates of which only the frames share room: worth a word, no fault."""
+    for (i, a), (j, b) in _pairs(gates, count, frame_width):
+        openings = share_room(opening_box(a), opening_box(b))
+        if not openings and not any(_bar_in_opening(*pair, frame_width) for pair in ((a, b), (b, a))):
+            yield f"{gate_place(i)}: its frame overlaps that of gate {j + 1}, openings apart"
+
+
+def _pairs(gates: Gates, count: int, frame_width: float) -> Iterator[tuple[tuple[int, Gate], tuple[int, Gate]]]:
+    """Pairs of gates that share room, frames included, and are not one flown twice."""
+    depth = max(frame_width, MIN_DEPTH)
+    boxes = {i: opening_box(gate, depth, frame_width) for i, gate in gates.items()}
     for (i, a), (j, b) in itertools.combinations(gates.items(), 2):
         twice = _same(a, b) and (j - i) % count not in (1, count - 1)
-        if not twice and _overlap(a, b, frame_width):
-            distance = math.dist(a.position_w, b.position_w)
-            yield f"{gate_place(i)}: overlaps gate {j + 1}, frames included: their centres are {distance:.3g} m apart"
+        if not twice and share_room(boxes[i], boxes[j]):
+            yield (i, a), (j, b)
+
+
+def _bar_in_opening(a: Gate, b: Gate, frame_width: float) -> bool:
+    """Whether the frame of a stands in the opening of b."""
+    return any(share_room(bar, opening_box(b)) for bar in frame_boxes(a, frame_width))
+
+
+def obstructions(gates: Gates, solids: Sequence[tuple[str, Outline]], low: Vec3, high: Vec3) -> Iterator[str]:
+    """Named solids in an opening, under ground or out of bounds."""
+    for name, solid in solids:
+        box, place = outline_box(solid), solid.centre_w
+        if place[2] + box.half_size[2] <= 0:
+            yield f"{name}: lies under ground: its top is at z = {place[2] + box.half_size[2]:.4g}, must be above 0"
+        if not all(a - TOUCH <= p <= b + TOUCH for a, p, b in zip(low[:2], place[:2], high[:2], strict=True)):
+            yield f"{name}: is out of bounds: stands at ({place[0]:.4g}, {place[1]:.4g})"
+        yield from (f"{name}: stands in the opening of gate {i + 1}" for i in gates if _stands_in(box, gates[i]))
+
+
+def _stands_in(box: Box, gate: Gate) -> bool:
+    return share_room(box, opening_box(gate))
+
+
+def far_away(gates: Gates) -> Iterator[str]:
+    """Gates so far from the origin that in single precision a slow drone could not move there."""
+    for i, gate in gates.items():
+        farthest = max(gate.position_w, key=abs)
+        if abs(farthest) > FARTHEST:
+            yield (
+                f"{gate_place(i)}: is too far from the origin: at {farthest:.6g} m, at most {FARTHEST:g} m: "
+                "move the track's middle there"
+            )
 
 
 def facing_away(gates: Gates, count: int) -> Iterator[str]:
@@ -55,7 +108,8 @@ def facing_away(gates: Gates, count: int) -> Iterator[str]:
         if before is None or after is None:
             continue
         heading = _flight_heading(before.position_w, gate.position_w, after.position_w)
-        if heading is not None and math.cos(heading - gate.yaw) < -1e-6:
+        faces = gate.yaw + (math.pi if math.cos(gate.pitch) < 0 else 0.0)
+        if heading is not None and abs(math.cos(gate.pitch)) > 1e-6 and math.cos(heading - faces) < -1e-6:
             yaw, flight = math.degrees(gate.yaw), math.degrees(heading)
             yield f"{gate_place(i)}: faces away from the flight direction: yaw_deg is {yaw:.4g}, flown at {flight:.4g}"
 
@@ -111,29 +165,11 @@ def _flight_heading(before: Vec3, here: Vec3, after: Vec3) -> float | None:
 
 def _reach(gate: Gate) -> Vec3:
     """Half extents of the opening along the world's axes [m]."""
-    half = gate.width / 2
-    return abs(math.sin(gate.yaw)) * half, abs(math.cos(gate.yaw)) * half, gate.height / 2
+    return opening_box(gate, depth=0.0).reach
 
 
 def _same(a: Gate, b: Gate) -> bool:
     """Whether two gates are one, flown along the same heading or the opposite one."""
     turned = abs(math.remainder(a.yaw - b.yaw, math.pi))
-    return (a.position_w, a.width, a.height) == (b.position_w, b.width, b.height) and turned < 1e-6
-
-
-def _overlap(a: Gate, b: Gate, frame_width: float) -> bool:
-    """Whether two gates, as upright boxes with their frames, share room (separating axes in the ground plane)."""
-    dx, dy, dz = (q - p for p, q in zip(a.position_w, b.position_w, strict=True))
-    if abs(dz) >= (a.height + b.height) / 2 + 2 * frame_width - TOUCH:
-        return False
-    for yaw in (a.yaw, a.yaw + math.pi / 2, b.yaw, b.yaw + math.pi / 2):
-        reach = _shadow(a, yaw, frame_width) + _shadow(b, yaw, frame_width)
-        if abs(math.cos(yaw) * dx + math.sin(yaw) * dy) >= reach - TOUCH:
-            return False
-    return True
-
-
-def _shadow(gate: Gate, yaw: float, frame_width: float) -> float:
-    """Half length of a gate's box seen along a heading [m]."""
-    depth, width = max(frame_width, MIN_DEPTH) / 2, gate.width / 2 + frame_width
-    return abs(math.cos(gate.yaw - yaw)) * depth + abs(math.sin(gate.yaw - yaw)) * width
+    tilt = math.hypot(a.roll - b.roll, a.pitch - b.pitch) < 1e-6
+    return (a.position_w, a.width, a.height) == (b.position_w, b.width, b.height) and turned < 1e-6 and tilt

@@ -1,8 +1,11 @@
 """What may stand in a track file: its keys, and what each one's value must be. Plain Python: no JAX."""
 
-from collections.abc import Iterator, Mapping
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from typing import get_args
 
 from cruise import toml_file
+from cruise.config import GateShape, Vec3
 from cruise.toml_file import LIMIT, Check, Table, label, not_negative, number, positive, shown, spell
 
 __all__ = ["LIMIT", "Check", "Table", "label", "not_negative", "number", "positive", "shown", "spell"]
@@ -14,6 +17,11 @@ MAX_GATES = 200
 def point(value: object) -> str:
     """Fault of a value that must be three coordinates."""
     return toml_file.numbers(value, "xyz")
+
+
+def sides(value: object) -> str:
+    """Fault of a value that must be the three sides of a box."""
+    return toml_file.numbers(value, ("length", "thickness", "height"), positive)
 
 
 def laps(value: object) -> str:
@@ -41,7 +49,24 @@ GATE_KEYS: Mapping[str, Check] = {
     "yaw_rad": number,
     "width": positive,
     "height": positive,
+    "roll_deg": number,
+    "roll_rad": number,
+    "pitch_deg": number,
+    "pitch_rad": number,
+    "shape": lambda value: toml_file.choice(value, get_args(GateShape)),
+    "diameter": positive,
 }
+START_KEYS: Mapping[str, Check] = {
+    "gate": lambda value: toml_file.whole(value, 1, MAX_GATES),
+    "places": lambda value: (
+        "" if isinstance(value, list) and value else f"must be an array of places, got {spell(value)}"
+    ),
+    "middle": point,
+    "yaw_deg": number,
+    "yaw_rad": number,
+    "spacing": positive,
+}
+PLACE_KEYS: Mapping[str, Check] = {"position": point, "yaw_deg": number, "yaw_rad": number}
 REQUIRED = {
     "name": 'the track\'s name, as in name = "my track"',
     "low": "the lowest corner, as in low = [-20, -20, 0]",
@@ -60,12 +85,74 @@ def gate_faults(gate: object) -> list[str]:
     if not isinstance(gate, Mapping):
         return [f"must be a table, got {spell(gate)}"]
     faults = list(key_faults(gate, GATE_KEYS))
-    given = [key for key in ("yaw_deg", "yaw_rad") if key in gate]
-    if not given:
-        faults.append("yaw_deg is missing: the heading in which the gate is flown, 0 along x, 90 along y")
-    elif len(given) > 1:
-        faults.append("yaw_deg and yaw_rad are both given: keep one")
+    faults += angle_faults(gate, "yaw", "the heading in which the gate is flown, 0 along x, 90 along y")
+    faults += [*angle_faults(gate, "roll"), *angle_faults(gate, "pitch")]
+    if gate.get("shape") == "round":
+        faults += [f"{key} is given: a round gate has a diameter" for key in ("width", "height") if key in gate]
+    elif "diameter" in gate:
+        faults.append('diameter is given, which a round gate has: add shape = "round"')
     return faults
+
+
+def angle_faults(table: Table, name: str, meaning: str = "") -> Iterator[str]:
+    """An angle is given in degrees or in radians, not in both; it must be where it has a `meaning` that says what."""
+    given = [key for key in (f"{name}_deg", f"{name}_rad") if key in table]
+    if meaning and not given:
+        yield f"{name}_deg is missing: {meaning}"
+    if len(given) > 1:
+        yield f"{name}_deg and {name}_rad are both given: keep one"
+
+
+def angle(table: Table, name: str) -> float:
+    """An angle of a table without faults [rad]; 0 where it is not given."""
+    return float(table[f"{name}_rad"]) if f"{name}_rad" in table else math.radians(table.get(f"{name}_deg", 0.0))
+
+
+def angle_key(name: str, radians: float) -> dict[str, float]:
+    """Degrees, where they give the same float back; radians otherwise."""
+    degrees = math.degrees(radians)
+    for candidate in (round(degrees, 9), degrees):
+        if math.radians(candidate) == radians and abs(candidate) <= LIMIT:
+            return {f"{name}_deg": candidate}
+    return {f"{name}_rad": radians}
+
+
+def vec3(values: Sequence[float]) -> Vec3:
+    """Three numbers of a table without faults."""
+    x, y, z = (float(value) for value in values)
+    return x, y, z
+
+
+def start_faults(start: object, gates: int) -> list[str]:
+    """Faults of `start`, each on its own."""
+    if not isinstance(start, Mapping):
+        return [f"must be a table [start], got {spell(start)}"]
+    faults = list(key_faults(start, START_KEYS))
+    if faults:
+        return faults
+    if start.get("gate", 1) > gates:
+        faults.append(f"gate must be 1 to {gates}, got {start['gate']}")
+    line = [key for key in ("middle", "yaw_deg", "yaw_rad", "spacing") if key in start]
+    if "places" not in start:
+        if not line:
+            return [*faults, "needs places, or the middle, yaw_deg and spacing of a line"]
+        faults += [
+            f"{key} is missing: a line has middle, yaw_deg and spacing"
+            for key in ("middle", "spacing")
+            if key not in start
+        ]
+        return [*faults, *angle_faults(start, "yaw", "where drones look, 0 along x, 90 along y")]
+    faults += [f"{key} is given beside places: keep one" for key in line]
+    for number_, place in enumerate(start["places"], start=1):
+        texts = _place_faults(place)
+        faults += [f"place {number_}: {text}" for text in texts]
+    return faults
+
+
+def _place_faults(place: object) -> list[str]:
+    if not isinstance(place, Mapping):
+        return [f"must be a table, got {spell(place)}"]
+    return [*key_faults(place, PLACE_KEYS), *angle_faults(place, "yaw", "where the drone looks, 0 along x, 90 along y")]
 
 
 def bounds_faults(bounds: object) -> list[str]:

@@ -76,8 +76,8 @@ def _track_from_above(axes: Axes, log: RaceLog) -> None:
         rim = opening(gate)[:, :2]
         axes.fill(*rim.T, facecolor="none", edgecolor=GATE, linewidth=4 if gate.pitch == 0 else 2, zorder=4)
         arrow = {"arrowstyle": "-|>", "color": GATE, "linewidth": 1.2}
-        ends = (tuple((centre + share * forward).tolist()) for share in (1.1, 0.1))
-        axes.annotate("", *ends, arrowprops=arrow, zorder=4)
+        tip, foot = (tuple((centre + share * forward).tolist()) for share in (1.1, 0.1))
+        axes.annotate("", tip, foot, arrowprops=arrow, zorder=4)
         side = np.array([-np.sin(gate.yaw), np.cos(gate.yaw)])
         outward = side if side @ (centre - middle) >= 0 else -side
         place = centre + outward * (float(np.abs((rim - centre) @ side).max()) + 0.8)

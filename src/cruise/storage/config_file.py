@@ -106,6 +106,8 @@ def _flag(value: Any, _: Any) -> bool:
 
 def _named_or_whole(converter: cattrs.Converter, value: Any) -> str | Vehicle:
     """A vehicle by the name of its preset, or by all of its numbers."""
+    if not isinstance(value, str | dict):
+        raise TypeError(f"expected a vehicle's name or its numbers, got {_show(value)}")
     return value if isinstance(value, str) else converter.structure(value, Vehicle)
 
 

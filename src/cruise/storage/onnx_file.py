@@ -8,7 +8,7 @@ from typing import Any, Literal
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from cruise.env.observation import FOR_ANY_FIELD
+from cruise.env.observation import check_observation, for_any_field
 from cruise.errors import CruiseError, one_line
 from cruise.extras import import_extra
 from cruise.pilots.foreign import ForeignPilot
@@ -95,6 +95,8 @@ def load_onnx_pilot(path: StrPath, budget: float) -> ForeignPilot:
     contract = _contract(session, path)
     meta = contract.policy
     observation = meta.observation if contract.interface == "observation" else None
+    if observation:
+        check_observation(f"policy {meta.name!r} in {path}", observation)
 
     def make() -> Any:
         return (_Network if observation else _Whole)(session, meta, str(path)).act_batch
@@ -163,7 +165,7 @@ class _Network:
 
     def _check_field(self, view: View) -> None:
         drones = view.others_position_w.shape[1] + 1
-        if self.meta.observation not in FOR_ANY_FIELD and drones != self.meta.drones:
+        if not for_any_field(self.meta.observation) and drones != self.meta.drones:
             raise CruiseError(
                 f"policy {self.meta.name!r} was trained for races of {self.meta.drones} drones, this race has {drones}"
             )

@@ -20,6 +20,7 @@ from cruise.storage import policy_paths, tensors
 from cruise.storage.atomic import read_bytes, write_atomically
 from cruise.storage.config_file import from_json, to_json
 from cruise.storage.policy_paths import StrPath, find_policy, stem_of, with_ending
+from cruise.terms import Entry
 from cruise.vehicles import VEHICLES, name_of, vehicle_faults
 
 FORMAT_VERSION = 2  # 1: an extended observation in which opponents did not fade with distance
@@ -44,7 +45,8 @@ class PolicyMeta:
     config: Any = field(default_factory=dict)  # of the run, resolved: a dataclass, read back as nested dictionaries
     results: dict[str, Any] = field(default_factory=dict)  # as `cruise evaluate --json` measured it
     steps_before: int = 0  # of the policy that this one learned on from, and of those before it
-    layout: Track | None = None  # the track itself, where it was kept; None where every race had another one
+    flown_on: Track | None = None  # the track itself, where it was kept; None where every race had another one
+    layout: tuple[Entry, ...] = ()  # of its observation; files from before 0.2 have none
 
     @property
     def all_steps(self) -> int:
@@ -72,7 +74,8 @@ class Policy:
     def pilot(self) -> NeuralPilot:
         """The policy as a pilot."""
         meta = self.meta
-        return NeuralPilot(self.params, meta.observation, meta.drones, meta.agility, meta.name, meta.vehicle)
+        seen = (meta.observation, meta.drones, meta.agility, meta.name, meta.vehicle, meta.layout)
+        return NeuralPilot(self.params, *seen)
 
 
 def save_policy(path: StrPath, params: ActorCritic, meta: PolicyMeta) -> Path:
@@ -215,8 +218,8 @@ def _check_meta(meta: PolicyMeta, network: NetworkShape, where: str) -> None:
             raise CruiseError(f"{where}: {name} must be from 1 to {MAX_WIDTH}, got {size}")
     if not 0 < meta.agility < np.inf:
         raise CruiseError(f"{where}: agility must be above 0 and finite, got {meta.agility}")
-    if meta.layout is not None and (faults := track_faults(meta.layout)):
-        raise CruiseError(f"{where}: layout: {faults[0]}")
+    if meta.flown_on is not None and (faults := track_faults(meta.flown_on)):
+        raise CruiseError(f"{where}: flown_on: {faults[0]}")
     if isinstance(meta.vehicle, Vehicle):
         for fault in vehicle_faults(meta.vehicle):
             raise CruiseError(f"{where}: vehicle {meta.vehicle.name!r}: {fault}")

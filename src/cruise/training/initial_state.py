@@ -6,10 +6,10 @@ import jax
 import numpy as np
 
 from cruise.config import TrainConfig
-from cruise.env.observation import FOR_ANY_FIELD
+from cruise.env.observation import alike
 from cruise.errors import CruiseError
 from cruise.pilots.network import ActorCritic
-from cruise.storage.policy_file import read_policy
+from cruise.storage.policy_file import read_meta, read_policy
 from cruise.training.league import found_league
 from cruise.training.trainer import Trainer
 from cruise.training.types import TrainState
@@ -25,7 +25,8 @@ def initial_state(trainer: Trainer) -> TrainState:
     state, config = trainer.initial_state(), trainer.config
     model, pool, league = state.model, state.opponents, state.league
     if config.start_from:
-        model = _fitting(config.start_from, config, state.model, _read_alike(config.observation))
+        model = _fitting(config.start_from, config, state.model, alike(config.observation))
+        _require_same_critic(config)
         pool = pool._replace(newest=model, previous=model)
     if config.against:
         opponent = _fitting(config.against, config, state.model, {config.observation})
@@ -36,9 +37,13 @@ def initial_state(trainer: Trainer) -> TrainState:
     return trainer.place(state._replace(model=model, opponents=pool, league=league))
 
 
-def _read_alike(observation: str) -> frozenset[str]:
-    """Observations that a policy could learn to read as well: the same numbers, though some may fade."""
-    return FOR_ANY_FIELD if observation in FOR_ANY_FIELD else frozenset({observation})
+def _require_same_critic(config: TrainConfig) -> None:
+    """Raises CruiseError where the value network that learns on saw something else before."""
+    stored = read_meta(config.start_from).config
+    before = stored.get("critic_observation", "") if isinstance(stored, dict) else ""
+    if before != config.critic_observation:
+        told = f"give --critic-observation {before}" if before else "leave out --critic-observation"
+        raise CruiseError(f"the value network of policy {config.start_from!r} saw another observation: {told}")
 
 
 def _fitting(name: str, config: TrainConfig, model: ActorCritic, kinds: Collection[str]) -> ActorCritic:

@@ -14,6 +14,7 @@ import jax
 from cruise import __version__
 from cruise.config import Track, TrainConfig, Vehicle
 from cruise.errors import CruiseError
+from cruise.pilots.terms_file import LOADED
 from cruise.storage.atomic import make_folder
 from cruise.storage.checkpoint import CURRENT, load_checkpoint, save_checkpoint
 from cruise.storage.config_file import load_config, save_config, to_json
@@ -136,7 +137,8 @@ class Session:
     @property
     def resume_command(self) -> str:
         """What to type to go on with this run."""
-        return f"cruise train --resume {shlex.quote(str(self.folder))}"
+        terms = "".join(f" --terms {shlex.quote(name)}" for name in LOADED)
+        return f"cruise train --resume {shlex.quote(str(self.folder))}{terms}"
 
     def __iter__(self) -> Iterator[Progress]:
         """Train, log, save; yields after every update.
@@ -207,7 +209,8 @@ class Session:
             config=self.config,
             results=results,
             steps_before=self.steps_before,
-            layout=None if self.track.variants else self.track,
+            flown_on=None if self.track.variants else self.track,
+            layout=self.trainer.env.layout(self.config.observation),
         )
         return save_policy(self.folder / f"{stem}.safetensors", self.state.model, meta)
 

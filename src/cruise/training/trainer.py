@@ -11,6 +11,7 @@ from jax.sharding import NamedSharding, PartitionSpec
 from jaxtyping import Array, UInt32
 
 from cruise.config import Track, TrainConfig, Vehicle
+from cruise.env.payment import find_reward_terms, make_reward
 from cruise.env.race_env import RaceEnv, make_race_env
 from cruise.env.randomise import made_for, perturbation
 from cruise.env.types import RaceState, Rules, stage_rules
@@ -29,11 +30,10 @@ from cruise.training.devices import (
 from cruise.training.experience import Draws, draw, hide_opponents, make_collect
 from cruise.training.league import SHARES, after_evaluation, found_league, join
 from cruise.training.ppo import flatten, make_learn, make_optimiser
+from cruise.training.random_keys import evaluation_keys, run_keys
 from cruise.training.self_play import Score, has_mastered, make_evaluate, may_replace, play_on, replace_opponents
 from cruise.training.sparring import draw_sparring
 from cruise.training.types import League, OpponentPool, TrainState
-
-STREAMS = 6  # of random numbers that a seed begins
 
 
 class Progress(NamedTuple):
@@ -70,7 +70,8 @@ class Trainer:
         self.total_steps = self.total_updates * self.steps_per_update
         vehicle = made_for(vehicle, config.randomisation)
         perturb = perturbation(track, vehicle, config.randomisation, config.milder_share, config.nominal_share)
-        self.env: RaceEnv = make_race_env(track, config.drones, vehicle, config.observation, config.reward, perturb)
+        reward = make_reward(config.reward, find_reward_terms(config.reward_terms))
+        self.env: RaceEnv = make_race_env(track, config.drones, vehicle, config.observation, reward, perturb)
         self.optimiser = make_optimiser(config.ppo, self.total_updates)
         self.mesh = make_mesh(devices or choose_devices(config.ppo.races))
         if config.opponents.league and config.ppo.races // self.mesh.size % SHARES:
@@ -131,13 +132,13 @@ class Trainer:
             league: League | None,
         ) -> Score:
             """`origin`: the seed and the number of the update that is evaluated."""
-            return evaluate(model, opponents, rules, alone, _keys_of(origin)[0], league)
+            return evaluate(model, opponents, rules, alone, evaluation_keys(origin)[0], league)
 
         return evaluate_update
 
     def _start(self, key: Array) -> TrainState:
         """A fresh state: opponents equal to the active policy, episodes of random ages, which never end together."""
-        model_key, race_key, age_key, key, sparring_key, _ = jax.random.split(key, STREAMS)
+        model_key, race_key, age_key, key, sparring_key = run_keys(key)
         ppo, env = self.config.ppo, self.env
         races = env.reset(race_key, (ppo.races,))
         model = ActorCritic(self._network_shape(races), ppo.initial_log_std, model_key)
@@ -224,7 +225,7 @@ class Trainer:
         origin = np.array([self.config.seed, int(state.updates)], np.uint32)
         score = self.evaluate(state.model, state.opponents.newest, rules, alone, origin, state.league)
         if state.league is not None:
-            state = after_evaluation(state, score.beaten, _keys_of(origin)[1])
+            state = after_evaluation(state, score.beaten, evaluation_keys(origin)[1])
         score = Score(*(float(x) for x in score[:4]))  # type: ignore[arg-type]
         if not phase.self_play or self.config.against:
             return score, state, False
@@ -233,16 +234,6 @@ class Trainer:
                 state = join(state, len(self.config.opponents.founders))
             return score, replace_opponents(state), True
         return score, play_on(state), False
-
-
-def _keys_of(origin: UInt32[Array, "2"] | np.ndarray) -> Array:
-    """Two keys of an evaluation, for its races and for the league; functions of the seed and the number of the update.
-
-    They come from the last of the seed's streams, which `_start` leaves alone.
-    """
-    seed, update = origin
-    evaluations = jax.random.split(jax.random.key(seed), STREAMS)[-1]
-    return jax.random.split(jax.random.fold_in(evaluations, update))
 
 
 def _on_host(number: float | int | bool) -> np.ndarray:

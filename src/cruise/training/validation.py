@@ -5,7 +5,8 @@ import math
 from collections.abc import Iterator
 
 from cruise.config import PPOConfig, SelfPlayConfig, TrainConfig, Vehicle
-from cruise.env.observation import OBSERVATIONS
+from cruise.env.observation import find_observation
+from cruise.env.payment import find_reward_terms
 from cruise.env.randomise import check_randomisation
 from cruise.errors import CruiseError
 from cruise.storage.policy_file import MAX_WIDTH
@@ -51,8 +52,10 @@ def _faults(config: TrainConfig) -> Iterator[str]:
     yield from _ppo_faults(config.ppo)
     yield from _opponent_faults(config.opponents)
     yield from _not_shares(config, "milder_share", "nominal_share")
-    if config.critic_observation and config.critic_observation not in OBSERVATIONS:
-        yield f"unknown critic_observation {config.critic_observation!r}: there are {', '.join(OBSERVATIONS)}"
+    find_observation(config.observation)
+    find_reward_terms(config.reward_terms)
+    if config.critic_observation:
+        find_observation(config.critic_observation)
     if config.against and config.drones == 1:
         yield "against names who flies the opponents, and one drone has none: raise drones"
     phase = plan_phases(config)[-1]

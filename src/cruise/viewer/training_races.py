@@ -55,7 +55,7 @@ class TrainingRaces:
         self.broadcast, self.config, self.track, self.vehicle = broadcast, config, track, vehicle
         self.total_steps = total_steps
         self._told, self._score = -math.inf, ""
-        self.env = make_race_env(track, config.drones, vehicle, config.observation, config.reward)
+        self.env = make_race_env(track, config.drones, vehicle, config.observation)
         self._asked, self._stopped = threading.Event(), threading.Event()
         self._offers: queue.SimpleQueue[_Offer | None] = queue.SimpleQueue()
         self._thread = threading.Thread(target=self._work, name="races to watch", daemon=True)

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from cruise.env.observation_layout import observation_layout
 from tests.env.races import RING, race_env, random_race
 
 
@@ -13,7 +12,7 @@ def test_sizes_and_bounds(kind, drones):
     env = race_env(drones)
     state = random_race(env, out=0.3 if drones > 1 else 0.0)
     seen = np.asarray(env.observe_as[kind](state))
-    entries = observation_layout(kind, drones, len(RING.gates), "paper", seen.shape[0])
+    entries = env.layout(kind)
     assert sum(entry.size for entry in entries) == seen.shape[0]
     first = 0
     for entry in entries:
@@ -52,7 +51,7 @@ def test_quantities_over_their_scales():
     }
     for kind, quantities in expected.items():
         seen, first = np.asarray(env.observe_as[kind](state)), 0
-        for entry in observation_layout(kind, 2, len(RING.gates), "paper", seen.shape[0]):
+        for entry in env.layout(kind):
             if entry.name in quantities:
                 scaled = np.clip(quantities[entry.name] / entry.scale, entry.low, entry.high)
                 part = np.moveaxis(seen[first : first + entry.size], 0, 2)

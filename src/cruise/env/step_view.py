@@ -1,0 +1,80 @@
+"""What the terms of a reward look at: one step of all drones of a race, or of many."""
+
+import functools
+from collections.abc import Callable
+from typing import Any
+
+from jaxtyping import Array, Bool, Float
+
+from cruise.dynamics import DroneState
+from cruise.env.types import RaceState, Rules
+from cruise.env.view import View
+from cruise.racing.gates import Crossing
+from cruise.vector import norm
+
+
+class StepView:
+    """A step, drone by drone. Components lead, then drones N, then races *B; SI units, `_w` is the world's frame.
+
+    `before` is the race as it was, as an observation's terms see it, so that the target gate is the one of before the
+    step; `after` are the drones as they are now, `action` is what they did, [A, N, *B] in [-1, 1]. `crossing` says what
+    happened at the gates, `collided` whether a drone touched another, the ground or a frame, `nearest` how near it came
+    to another one [m].
+    """
+
+    def __init__(
+        self,
+        before: View,
+        after: DroneState,
+        action: Array,
+        crossing: Crossing,
+        nearest: Float[Array, "N *B"],
+        collided: Bool[Array, "N *B"],
+        rules: Rules,
+    ) -> None:
+        """Nothing is computed yet."""
+        self.before, self.after, self.action = before, after, action
+        self.crossing, self.nearest, self.collided, self.rules = crossing, nearest, collided, rules
+        self._kept: dict[tuple, Any] = {}
+
+    def shared(self, function: Callable[..., Any], *arguments: Any) -> Any:
+        """`function(step, *arguments)`, computed once for all terms that ask for it."""
+        key = (function, *arguments)
+        if key not in self._kept:
+            self._kept[key] = function(self, *arguments)
+        return self._kept[key]
+
+    @property
+    def state(self) -> RaceState:
+        """The race before the step."""
+        return self.before.state
+
+    @property
+    def airborne(self) -> Bool[Array, "N *B"]:
+        """Still racing before the step."""
+        return self.before.airborne
+
+    @property
+    def start_w(self) -> Float[Array, "3 N *B"]:
+        """Position before [m]."""
+        return self.before.position_w
+
+    @property
+    def end_w(self) -> Float[Array, "3 N *B"]:
+        """Position after [m]."""
+        return self.after.position_w
+
+    @property
+    def velocity0_w(self) -> Float[Array, "3 N *B"]:
+        """Velocity before [m/s]."""
+        return self.before.velocity_w
+
+    @property
+    def velocity_w(self) -> Float[Array, "3 N *B"]:
+        """Velocity after [m/s]."""
+        return self.after.velocity_w
+
+    @functools.cached_property
+    def speed(self) -> Float[Array, "N *B"]:
+        """After the step [m/s]."""
+        return norm(self.velocity_w)

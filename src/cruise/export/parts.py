@@ -1,0 +1,105 @@
+"""An exported pilot as pure functions of SI quantities, made of the environment itself; components lead."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from cruise.env.race_env import RaceEnv
+from cruise.env.surroundings import MovedGates, Surroundings
+from cruise.env.types import RaceState
+from cruise.export.ports import command
+from cruise.storage.policy_file import Policy
+
+Values = dict[str, Array]  # by the names of ports, components first: position_w [3], others_position_w [3, M]
+LEAST_OTHERS = 3  # that a policy for any number of others is given, however few it was trained with
+OTHERS = ("others_position_w", "others_velocity_w", "others_airborne")
+
+
+class Parts(NamedTuple):
+    """What a pilot does from state to command, one after the other."""
+
+    observe: Callable[[Values], Array]  # -> observation [O]
+    network: Callable[[Array], Array]  # -> what the network says [A], in the frame of the observation
+    decode: Callable[[Values, Array], Array]  # -> action [A] of the vehicle, in [-1, 1]
+    command: Callable[[Values, Array], Values]  # -> what the action commands
+
+
+def make_parts(policy: Policy, env: RaceEnv) -> Parts:
+    """The functions of a policy. A network with a memory would take and give its carry here and be ports of its own."""
+    kind, agility = policy.meta.observation, policy.meta.agility
+
+    def decode(values: Values, said: Array) -> Array:
+        action = env.decode_as[kind](_race(env, agility, values), said[:, None], (0,))
+        return jnp.clip(action[:, 0], -1.0, 1.0)
+
+    return Parts(
+        observe=lambda values: env.observe_as[kind](_race(env, agility, values))[:, 0],
+        network=policy.params.mean_action,
+        decode=decode,
+        command=lambda values, action: command(env, agility, values, action),
+    )
+
+
+def nearest_others(values: Values, count: int) -> Values:
+    """The nearest `count` of any number of others, padded with some that are not in the air where there are fewer."""
+    here = values["others_airborne"]
+    offset = jnp.where(here, values["others_position_w"] - values["position_w"][:, None], 0.0)
+    separation = jnp.where(here, jnp.sqrt(jnp.sum(offset * offset, axis=0)), jnp.inf)
+    absent = jnp.full(count, jnp.inf)
+    _, order = jax.lax.top_k(-jnp.concatenate([separation, absent]), count)
+
+    def chosen(rows: Array) -> Array:
+        """[..., M] -> [..., count]."""
+        padded = jnp.concatenate([rows, jnp.zeros((*rows.shape[:-1], count), rows.dtype)], axis=-1)
+        return padded.take(order, axis=-1, mode="clip")
+
+    return values | {name: chosen(values[name]) for name in OTHERS}
+
+
+def _race(env: RaceEnv, agility: float, values: Values) -> RaceState:
+    """A race of the drone, which comes first, and its opponents. Of these position and velocity alone are known.
+
+    The previous action is in the controller's memory as a step of the vehicle leaves it there.
+    """
+    position_w = _with_others(values, "position_w")
+    batch = position_w.shape[1:]
+    drones = env.dynamics.init(position_w, jnp.zeros(batch))
+    body = {name: _first(values[name], rest) for name, rest in drones.body._asdict().items()}
+    body |= {"position_w": position_w, "velocity_w": _with_others(values, "velocity_w")}
+    here = jnp.ones(1, bool)
+    if "others_airborne" in values:
+        here = jnp.concatenate([here, values["others_airborne"]])
+    action = _first(values["previous_action"], jnp.zeros((env.dynamics.action_size, *batch)))
+    flown = env.dynamics.step(drones, action, agility)
+    drones = drones._replace(body=type(drones.body)(**body), memory=flown.memory)
+    none = jnp.zeros(batch, jnp.int32)
+    return RaceState(
+        drones=drones,
+        next_gate=jnp.broadcast_to(values["next_gate"], batch),
+        gates_passed=none,
+        out=~here,
+        finished=jnp.zeros(batch, bool),
+        step=none[0],
+        surroundings=Surroundings(_gates(values)),
+    )
+
+
+def _first(own: Array, rest: Array) -> Array:
+    """What is the drone's own, in place of the first."""
+    return jnp.concatenate([own[:, None], rest[:, 1:]], axis=1)
+
+
+def _with_others(values: Values, name: str) -> Array:
+    """[C, 1 + M]. Who is not in the air may be anywhere, even at no number: it stands where the drone is."""
+    own = values[name][:, None]
+    if "others_airborne" not in values:
+        return own
+    return jnp.concatenate([own, jnp.where(values["others_airborne"], values[f"others_{name}"], own)], axis=1)
+
+
+def _gates(values: Values) -> MovedGates:
+    yaw = values["gate_yaw"]
+    return MovedGates(values["gate_position_w"], jnp.stack([jnp.cos(yaw), jnp.sin(yaw)]), values["gate_size"] / 2)
