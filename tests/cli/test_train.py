@@ -71,7 +71,7 @@ BAD_INPUT = {
     "episode": ("--episode-steps 0", "episode_steps must be 1 or more, not 0"),
     "distance": ("--collision-distance -1", "collision_distance must be positive, not -1.0"),
     "checkpoints": ("--checkpoint-seconds 0", "checkpoint_seconds must be positive, not 0.0"),
-    "vehicle": ("--vehicle papre", "unknown vehicle 'papre': did you mean 'paper'? vehicles: paper, racer"),
+    "vehicle": ("--vehicle papre", "unknown vehicle 'papre': did you mean 'paper'? built-in vehicles: paper, racer"),
     "track": ("--track rnig", "unknown track 'rnig': did you mean 'ring'?"),
     "track file": ("--track broken.toml", "broken.toml: "),
     "preset and weight": (

@@ -187,11 +187,12 @@ def _parse_as(arguments: list[str], chosen: str, kind: Any, usual: Any) -> Comma
 def _one_line(boxed: str) -> str:
     """The parser's message without its frame, and without the help that `--help` gives."""
     words = boxed.translate({ord(c): " " for c in FRAME}).split()
-    message = " ".join(word for word in words if word.strip("-"))
-    for title in ("Parsing error ", "Unrecognized options ", "Value error ", "Error parsing --vehicle: "):
+    message = " ".join(word for word in words if set(word) != {"-"} or len(word) < 3)
+    for title in ("Parsing error ", "Unrecognized options ", "Value error "):
         message = message.removeprefix(title)
     message = message.partition(" Argument helptext: ")[0]
-    return re.sub(r"no type matching .* Got errors: .* - <class [^>]*>: ", "", message)
+    message = re.sub(r"no type matching .* Got errors: .* - <class [^>]*>: ", "", message)
+    return re.sub(r"^Error parsing \S+: (?=--|unknown )", "", message)  # these say for themselves what is meant
 
 
 def _load(entry: Entry) -> Any:

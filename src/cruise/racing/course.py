@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Float, Int, Shaped
 
 from cruise.config import Gate, Track
 from cruise.racing.solids import solid_columns
@@ -99,7 +99,7 @@ def _opening(course: Course, column: Callable[[Array], Array]) -> Opening:
     )
 
 
-def pick(table: Float[Array, "C G *R"], gate: Int[Array, "*B"]) -> Float[Array, "C *B"]:
+def pick(table: Shaped[Array, "C G *R"], gate: Int[Array, "*B"]) -> Shaped[Array, "C *B"]:
     """Columns of `table` at `gate`, axes R the last of B.
 
     A sum over selects, which vectorises where a gather does not, up to `UNROLLED` gates; beyond, a gather.
