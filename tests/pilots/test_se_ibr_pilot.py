@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from cruise.dynamics import DroneState, RigidBody
+from cruise.dynamics import DroneState, RigidBody, make_dynamics
 from cruise.env.race_env import make_race_env
 from cruise.errors import CruiseError
 from cruise.pilots.named import NAMED
@@ -99,7 +99,11 @@ def test_plans_anew_every_tenth_of_a_second():
 def test_the_cascade_gives_the_acceleration_that_is_wanted():
     """Tilts act two steps after a command, thrust at once; `ahead` is where the drone then is."""
     env = make_race_env(TRACKS["ring"], 1, PAPER)
-    tracker, agility, h = CascadeTracker(PAPER), 30.0, PAPER.control_dt  # so agile that no action is clipped
+    tracker, agility, h = (
+        CascadeTracker(PAPER, make_dynamics(PAPER)),
+        30.0,
+        PAPER.control_dt,
+    )  # so agile that no action is clipped
     rng = np.random.default_rng(0)
 
     def drawn(limit):

@@ -23,9 +23,13 @@ def observation_size(track="ring", drones=2, observation="extended"):
 
 
 def random_params(track="ring", drones=2, observation="extended", seed=0, actions=3, hidden=(8, 8), **kind):
-    """Networks of small layers, drawn by NumPy, because JAX would compile for each shape."""
+    """Networks of small layers for what is seen in a race of the paper's vehicle."""
     size = observation_size(track, drones, observation)
-    shape = NetworkShape(size, actions, hidden, **kind)
+    return random_network(NetworkShape(size, actions, hidden, **kind), seed)
+
+
+def random_network(shape, seed=0):
+    """Drawn by NumPy, because JAX would compile for each shape."""
     shapes = eqx.filter_eval_shape(ActorCritic, shape, 0.0, jax.random.key(0))
     rng = np.random.default_rng(seed)
     return jax.tree.map(lambda leaf: jnp.array(rng.normal(size=leaf.shape, scale=0.4), jnp.float32), shapes)

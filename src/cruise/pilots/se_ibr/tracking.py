@@ -12,7 +12,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from cruise.config import Vehicle
-from cruise.dynamics import DroneState, Dynamics, RigidBody
+from cruise.dynamics import DroneState, Dynamics, Reference, RigidBody
 from cruise.pilots.se_ibr.options import Limit
 from cruise.pilots.se_ibr.trajectory import Trajectory
 
@@ -35,10 +35,12 @@ class CascadeTracker:
 
         a(t+1) = a(t) + h b(t),  b(t+1) = (1 - h d) b(t) + h k (command(t) - a(t)),
 
-    so that a command first moves a(t+2), and that acceleration can be chosen. Thrust acts at once.
+    so that a command first moves a(t+2), and that acceleration can be chosen. Thrust acts at once. Where the vehicle is
+    told a velocity or a point, it is told the one of which its loops make that command.
     """
 
     vehicle: Vehicle
+    dynamics: Dynamics
     limit: Limit = "box"
 
     def ahead(self, drones: DroneState) -> tuple[Array, Array]:
@@ -54,7 +56,10 @@ class CascadeTracker:
         """What reaches the plan's velocity of `lead` later by a constant acceleration."""
         _, velocity = self.ahead(moment.drones)
         wanted = (trajectory.velocity_at(moment.age + moment.lead) - velocity) / moment.lead
-        return self._action(self._commanded(wanted, moment.drones), moment)
+        action = self._action(self._commanded(wanted, moment.drones), moment)
+        if self.vehicle.told_directly:
+            return action
+        return self.dynamics.track(moment.drones, Reference(acceleration_w=moment.agility * action), moment.agility)
 
     def _tilt(self, drones: DroneState) -> tuple[Array, Array, Array]:
         """Horizontal accelerations a(t), a(t+1) [m/s^2], and the rate b(t+1) under no command [m/s^3]."""
@@ -113,5 +118,4 @@ Tracker = CascadeTracker | ReferenceTracker
 
 def tracker_of(vehicle: Vehicle, dynamics: Dynamics) -> Tracker:
     """How plans are flown with a vehicle."""
-    by_cascade = vehicle.flown_by == "cascade" and vehicle.told_directly
-    return CascadeTracker(vehicle) if by_cascade else ReferenceTracker(dynamics)
+    return CascadeTracker(vehicle, dynamics) if vehicle.flown_by == "cascade" else ReferenceTracker(dynamics)
