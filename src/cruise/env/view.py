@@ -8,16 +8,18 @@ import operator
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from cruise.dynamics.types import DroneState, Dynamics
-from cruise.env.ranks import ranks
+from cruise.env.ranks import counted, ranks
 from cruise.env.types import RaceState
 from cruise.geometry import from_gate, to_gate
 from cruise.racing.course import Course, Opening, target_opening
 from cruise.racing.field import opponent, opponents
-from cruise.vector import dot, norm, stored
+from cruise.vector import dot, is_plain, norm, stored
 
 ABSENT = 1e6  # sorts an opponent that left the air behind all others [m]
 
@@ -104,10 +106,15 @@ class View:
 
     def to_body(self, vector_w: Float[Array, "3 N *B"]) -> Float[Array, "3 N *B"]:
         """R^T v: a world vector along the body's axes."""
+        if is_plain():
+            return jnp.sum(self.rotation * vector_w[:, None], axis=0)
         return jnp.stack([dot(self.rotation[:, axis], vector_w) for axis in range(3)])
 
     def gate_index(self, ahead: int = 0) -> Int[Array, "N *B"]:
         """Which gate is the target, or so many after it."""
+        if is_plain() and ahead:
+            later = self.state.next_gate + ahead
+            return jax.lax.rem(later, jnp.full_like(later, self.course.num_gates))  # none of them is negative
         return self.state.next_gate if ahead == 0 else (self.state.next_gate + ahead) % self.course.num_gates
 
     def gate(self, ahead: int = 0) -> Opening:
@@ -192,8 +199,31 @@ def _corners_b(view: View, ahead: int) -> tuple[Array, ...]:
 
 def _opponent(view: View, number: int) -> Opponent:
     position, velocity = view.position_w, view.velocity_w
+    if is_plain():
+        offset, motion, present = view.shared(_everyone)
+        return Opponent(offset[:, number - 1], motion[:, number - 1], present[number - 1])
     offset, motion = (opponent(vector, number, 1) - vector for vector in (position, velocity))
     return Opponent(offset, motion, opponent(view.airborne, number, 0))
+
+
+def _everyone(view: View) -> Opponent:
+    """All opponents of every drone at once, along an axis before that of the drones: for an export."""
+    drones = view.num_drones
+    number = (np.arange(1, drones)[:, None] + np.arange(drones)) % drones
+    offset, motion = (vector[:, number] - vector[:, None] for vector in (view.position_w, view.velocity_w))
+    return Opponent(offset, motion, view.airborne[number])
+
+
+def _order(view: View) -> Int[Array, "K N *B"]:
+    everyone = view.shared(_everyone)
+    return counted(jnp.where(everyone.present, everyone.separation, ABSENT))
+
+
+def _nearest_of_all(view: View, place: int) -> Opponent:
+    everyone = view.shared(_everyone)
+    chosen = everyone.present & (view.shared(_order) == place - 1)
+    offset, motion = (jnp.where(chosen, vector, 0.0).sum(axis=1) for vector in everyone[:2])
+    return Opponent(offset, motion, chosen.any(axis=0))
 
 
 def _places(view: View) -> list[Float[Array, "N *B"]]:
@@ -212,6 +242,8 @@ def _nearest(view: View, place: int) -> Opponent:
     if place >= view.num_drones:
         nothing = jnp.zeros_like(view.position_w)
         return Opponent(nothing, nothing, jnp.zeros_like(view.airborne))
+    if is_plain():
+        return _nearest_of_all(view, place)
     present = [view.opponent(number).present for number in opponents(view.num_drones)]
     chosen = [here & (at == place - 1) for here, at in zip(present, view.shared(_places), strict=True)]
     picked = [jnp.where(flag, one, 0.0) for flag, one in zip(chosen, view.shared(_relative), strict=True)]

@@ -1,7 +1,7 @@
 """An exported pilot as pure functions of SI quantities, made of the environment itself; components lead."""
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -48,13 +48,18 @@ def nearest_others(values: Values, count: int) -> Values:
     here = values["others_airborne"]
     offset = jnp.where(here, values["others_position_w"] - values["position_w"][:, None], 0.0)
     separation = jnp.where(here, jnp.sqrt(jnp.sum(offset * offset, axis=0)), jnp.inf)
-    absent = jnp.full(count, jnp.inf)
-    _, order = jax.lax.top_k(-jnp.concatenate([separation, absent]), count)
+    absent = jnp.full((count, *here.shape[1:]), jnp.inf)
+    _, order = jax.lax.top_k(-jnp.concatenate([separation, absent]).T, count)
+    order = order.T
 
     def chosen(rows: Array) -> Array:
-        """[..., M] -> [..., count]."""
-        padded = jnp.concatenate([rows, jnp.zeros((*rows.shape[:-1], count), rows.dtype)], axis=-1)
-        return padded.take(order, axis=-1, mode="clip")
+        """[..., M, *B] -> [..., count, *B]."""
+        axis = rows.ndim - here.ndim
+        nobody = jnp.zeros((*rows.shape[:axis], count, *here.shape[1:]), rows.dtype)
+        padded = jnp.concatenate([rows, nobody], axis=axis)
+        if here.ndim == 1:
+            return padded.take(order, axis=axis, mode="clip")
+        return jax.vmap(lambda one, at: one.take(at, axis=-1, mode="clip"), in_axes=-1, out_axes=-1)(padded, order)
 
     return values | {name: chosen(values[name]) for name in OTHERS}
 
@@ -67,13 +72,12 @@ def _race(env: RaceEnv, agility: float, values: Values) -> RaceState:
     position_w = _with_others(values, "position_w")
     batch = position_w.shape[1:]
     drones = env.dynamics.init(position_w, jnp.zeros(batch))
-    body = {name: _first(values[name], rest) for name, rest in drones.body._asdict().items()}
+    body = {name: _for_all(values[name], batch) for name in drones.body._fields}
     body |= {"position_w": position_w, "velocity_w": _with_others(values, "velocity_w")}
-    here = jnp.ones(1, bool)
+    here = jnp.ones((1, *batch[1:]), bool)
     if "others_airborne" in values:
         here = jnp.concatenate([here, values["others_airborne"]])
-    action = _first(values["previous_action"], jnp.zeros((env.dynamics.action_size, *batch)))
-    flown = env.dynamics.step(drones, action, agility)
+    flown = env.dynamics.step(drones, _for_all(values["previous_action"], batch), agility)
     drones = drones._replace(body=type(drones.body)(**body), memory=flown.memory)
     none = jnp.zeros(batch, jnp.int32)
     return RaceState(
@@ -87,9 +91,9 @@ def _race(env: RaceEnv, agility: float, values: Values) -> RaceState:
     )
 
 
-def _first(own: Array, rest: Array) -> Array:
-    """What is the drone's own, in place of the first."""
-    return jnp.concatenate([own[:, None], rest[:, 1:]], axis=1)
+def _for_all(own: Array, batch: tuple[Any, ...]) -> Array:
+    """What is known of the drone alone, as if it were so of all: nobody asks for the others'."""
+    return jnp.broadcast_to(own[:, None], (*own.shape[:1], *batch))
 
 
 def _with_others(values: Values, name: str) -> Array:
