@@ -161,6 +161,14 @@ class View:
         outside = jnp.maximum(jnp.sqrt(left**2 + up**2) - half_width, 0.0)
         return jnp.where(gate.is_round[0], jnp.sqrt(forward**2 + outside**2), square)
 
+    def nearest_b(self, place: int) -> tuple[Float[Array, "3 N *B"], Float[Array, "3 N *B"]]:
+        """Offset and motion of `nearest` along the body's axes."""
+        if is_plain() and place < self.num_drones:
+            offset_b, motion_b = self.shared(_sorted_b)
+            return offset_b[:, place - 1], motion_b[:, place - 1]
+        one = self.nearest(place)
+        return self.to_body(one.offset_w), self.to_body(one.motion_w)
+
     def opponent(self, number: int) -> Opponent:
         """Opponent `number` of every drone, 1 to N - 1: drone (i + number) mod N for drone i."""
         return self.shared(_opponent, number)
@@ -188,6 +196,8 @@ def _gate(view: View, ahead: int) -> Opening:
 
 def _corners_b(view: View, ahead: int) -> tuple[Array, ...]:
     half_width, half_height = view.gate(ahead).half_size
+    if is_plain() and view.gate(ahead).tilt is None:
+        return tuple(_all_corners_b(view, ahead))
     centre = stored(view.to_body(view.gate_w(ahead) - view.position_w))
     left = stored(view.to_body(view.from_gate_frame((0.0, half_width, 0.0), ahead)))
     if view.gate(ahead).tilt is None:
@@ -195,6 +205,18 @@ def _corners_b(view: View, ahead: int) -> tuple[Array, ...]:
     else:
         up = stored(view.to_body(view.from_gate_frame((0.0, 0.0, half_height), ahead)))
     return tuple(centre + sideways * left + upwards * up for sideways, upwards in ((1, 1), (1, -1), (-1, -1), (-1, 1)))
+
+
+CORNERS = np.array([[1, 1], [1, -1], [-1, -1], [-1, 1]], np.float32)  # left and up
+
+
+def _all_corners_b(view: View, ahead: int) -> Float[Array, "4 3 N *B"]:
+    """The corners of an upright opening at once: for an export."""
+    gate, ones = view.gate(ahead), (1,) * view.airborne.ndim
+    sideways = gate.normal_w[::-1] * np.array([-1, 1], np.float32).reshape(2, *ones) * gate.half_size[0]
+    reach = jnp.concatenate([sideways, gate.half_size[1:]])
+    corners_w = gate.position_w - view.position_w + CORNERS[:, [0, 0, 1]].reshape(4, 3, *ones) * reach
+    return jnp.sum(view.rotation * corners_w[:, :, None], axis=1)
 
 
 def _opponent(view: View, number: int) -> Opponent:
@@ -214,16 +236,25 @@ def _everyone(view: View) -> Opponent:
     return Opponent(offset, motion, view.airborne[number])
 
 
-def _order(view: View) -> Int[Array, "K N *B"]:
-    everyone = view.shared(_everyone)
-    return counted(jnp.where(everyone.present, everyone.separation, ABSENT))
+def _sorted(view: View) -> Opponent:
+    """All opponents, the nearest first."""
+    vectors, present = view.shared(_sorted_vectors)
+    return Opponent(vectors[0], vectors[1], present)
 
 
-def _nearest_of_all(view: View, place: int) -> Opponent:
-    everyone = view.shared(_everyone)
-    chosen = everyone.present & (view.shared(_order) == place - 1)
-    offset, motion = (jnp.where(chosen, vector, 0.0).sum(axis=1) for vector in everyone[:2])
-    return Opponent(offset, motion, chosen.any(axis=0))
+def _sorted_b(view: View) -> Float[Array, "2 3 K N *B"]:
+    vectors, _ = view.shared(_sorted_vectors)
+    return jnp.sum(view.rotation[:, :, None] * vectors[:, :, None], axis=1)
+
+
+def _sorted_vectors(view: View) -> tuple[Float[Array, "2 3 K N *B"], Bool[Array, "K N *B"]]:
+    """Offsets and motions."""
+    offset, motion, present = view.shared(_everyone)
+    place = counted(jnp.where(present, norm(offset), ABSENT))
+    count = len(place)
+    chosen = present & (place == np.arange(count).reshape(-1, *(1,) * place.ndim))
+    vectors = jnp.where(chosen, jnp.stack([offset, motion])[:, :, None], 0.0).sum(axis=3)
+    return vectors, present.sum(axis=0) > np.arange(count).reshape(-1, *(1,) * (place.ndim - 1))
 
 
 def _places(view: View) -> list[Float[Array, "N *B"]]:
@@ -243,7 +274,8 @@ def _nearest(view: View, place: int) -> Opponent:
         nothing = jnp.zeros_like(view.position_w)
         return Opponent(nothing, nothing, jnp.zeros_like(view.airborne))
     if is_plain():
-        return _nearest_of_all(view, place)
+        offset, motion, here = view.shared(_sorted)
+        return Opponent(offset[:, place - 1], motion[:, place - 1], here[place - 1])
     present = [view.opponent(number).present for number in opponents(view.num_drones)]
     chosen = [here & (at == place - 1) for here, at in zip(present, view.shared(_places), strict=True)]
     picked = [jnp.where(flag, one, 0.0) for flag, one in zip(chosen, view.shared(_relative), strict=True)]

@@ -35,6 +35,7 @@ class Graph:
         self.nodes: list[Any] = []
         self.constants: list[Any] = []
         self.made: dict[Any, str] = {}  # by what it was made of: nothing is made twice
+        self.values: dict[str, tuple[int, ...]] = {}  # of constant sizes and axes
         self.sources: dict[str, tuple[str, tuple[str, ...], dict[str, Any]]] = {}
         self.tensors: dict[Var, Tensor] = {}
         self.axes: dict[str, tuple[str, int]] = {}  # a tensor that has a size not known before, and where
@@ -61,7 +62,9 @@ class Graph:
 
     def integers(self, *values: int) -> str:
         """A constant vector of sizes or axes."""
-        return self.constant(np.array(values, np.int64))
+        name = self.constant(np.array(values, np.int64))
+        self.values[name] = tuple(map(int, values))
+        return name
 
     def tensor(self, atom: Atom) -> Tensor:
         """What stands for a variable or constant."""
@@ -253,12 +256,23 @@ def _same(graph: Graph, equation: Equation) -> None:
 
 def _broadcast(graph: Graph, equation: Equation) -> None:
     """New axes of length 1; ONNX broadcasts the rest."""
-    tensor, (var,) = graph.tensor(equation.inputs[0]), equation.outputs
-    kept = equation.params["broadcast_dimensions"]
+    (atom,), (var,), kept = equation.inputs, equation.outputs, equation.params["broadcast_dimensions"]
+    tensor = graph.tensor(atom)
     shape = [tensor.shape[kept.index(axis)] if axis in kept else 1 for axis in range(len(var.shape))]
     new = [axis for axis in range(len(var.shape)) if axis not in kept]
+    if isinstance(atom, np.ndarray):
+        value = atom[tuple(slice(size) for size in tensor.shape)]
+        graph.keep(var, *graph.tensor_of(value.reshape(shape)))
+        return
     name = graph.node("Unsqueeze", tensor.name, graph.integers(*new)) if new else tensor.name
     graph.keep(var, name, shape)
+
+
+def _pad(graph: Graph, equation: Equation) -> None:
+    """At the ends of axes with one number."""
+    (atom, value), config = equation.inputs, equation.params["padding_config"]
+    pads = graph.integers(*(int(low) for low, _, _ in config), *(int(high) for _, high, _ in config))
+    graph.keep(equation.outputs[0], graph.node("Pad", graph.whole(atom), pads, graph.whole(value)))
 
 
 def _transpose(graph: Graph, equation: Equation) -> None:
@@ -274,7 +288,12 @@ def _reshape(graph: Graph, equation: Equation) -> None:
 def _squeeze(graph: Graph, equation: Equation) -> None:
     tensor, gone = graph.tensor(equation.inputs[0]), equation.params["dimensions"]
     shape = [size for axis, size in enumerate(tensor.shape) if axis not in gone]
-    name = graph.node("Squeeze", tensor.name, graph.integers(*gone)) if gone else tensor.name
+    cut = graph.sources.get(tensor.name)
+    if len(gone) == 1 and cut and cut[0] == "Slice" and graph.values.get(cut[1][3]) == (gone[0],):
+        place = graph.constant(np.array(graph.values[cut[1][1]][0], np.int64))
+        name = graph.node("Gather", cut[1][0], place, axis=int(gone[0]))
+    else:
+        name = graph.node("Squeeze", tensor.name, graph.integers(*gone)) if gone else tensor.name
     graph.keep(equation.outputs[0], name, shape)
 
 
@@ -350,7 +369,11 @@ def _product(graph: Graph, equation: Equation) -> None:
     (contracted, batch), atoms = equation.params["dimension_numbers"], equation.inputs
     names = [graph.whole(atom) for atom in atoms]
     if batch == ((), ()) and max(atom.ndim for atom in atoms) <= 2 and len(contracted[0]) == 1:
-        _matrix_product(graph, equation)
+        turned = [
+            _turned(graph, graph.whole(atom), (1, 0)) if atom.ndim == 2 and axis != last else graph.whole(atom)
+            for atom, (axis,), last in zip(atoms, contracted, (1, 0), strict=True)
+        ]
+        graph.keep(equation.outputs[0], graph.node("MatMul", *turned))
         return
     letters = iter("abcdefghijklmnopqrstuvwxyz")
     left, right = ([""] * atom.ndim for atom in atoms)
@@ -366,22 +389,6 @@ def _product(graph: Graph, equation: Equation) -> None:
     ]
     written = f"{''.join(left)},{''.join(right)}->{''.join(shared + free)}"
     graph.keep(equation.outputs[0], graph.node("Einsum", *names, equation=written))
-
-
-def _matrix_product(graph: Graph, equation: Equation) -> None:
-    """Of batches along the last axis as the product of what is transposed, which runtimes know as a layer."""
-    (left, right), (var,) = equation.inputs, equation.outputs
-    ((axis,), (other,)), _ = equation.params["dimension_numbers"]
-    if left.ndim == right.ndim == 2 and isinstance(left, np.ndarray):
-        rows = _turned(graph, graph.whole(right), (1, 0) if other == 0 else (0, 1))
-        weight = graph.constant(np.ascontiguousarray(left.T if axis == 1 else left))
-        graph.keep(var, _turned(graph, graph.node("MatMul", rows, weight), (1, 0)))
-        return
-    turned = [
-        _turned(graph, graph.whole(atom), (1, 0)) if atom.ndim == 2 and at != last else graph.whole(atom)
-        for atom, at, last in ((left, axis, 1), (right, other, 0))
-    ]
-    graph.keep(var, graph.node("MatMul", *turned))
 
 
 def _gather(graph: Graph, equation: Equation) -> None:
@@ -476,6 +483,7 @@ RULES: dict[str, Rule] = {
     "stop_gradient": _same,
     "broadcast_in_dim": _broadcast,
     "transpose": _transpose,
+    "pad": _pad,
     "reshape": _reshape,
     "squeeze": _squeeze,
     "slice": _slice,

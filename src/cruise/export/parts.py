@@ -1,5 +1,6 @@
 """An exported pilot as pure functions of SI quantities, made of the environment itself; components lead."""
 
+import functools
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -43,25 +44,27 @@ def make_parts(policy: Policy, env: RaceEnv) -> Parts:
     )
 
 
-def nearest_others(values: Values, count: int) -> Values:
-    """The nearest `count` of any number of others, padded with some that are not in the air where there are fewer."""
-    here = values["others_airborne"]
-    offset = jnp.where(here, values["others_position_w"] - values["position_w"][:, None], 0.0)
-    separation = jnp.where(here, jnp.sqrt(jnp.sum(offset * offset, axis=0)), jnp.inf)
-    absent = jnp.full((count, *here.shape[1:]), jnp.inf)
-    _, order = jax.lax.top_k(-jnp.concatenate([separation, absent]).T, count)
-    order = order.T
+def nearest_others(inputs: Values, count: int) -> Values:
+    """The nearest `count` of any number of others, padded with some that are not in the air where there are fewer.
+
+    Components are last here: others_position_w [*B, M, 3].
+    """
+    here = inputs["others_airborne"]
+    offset = jnp.where(here[..., None], inputs["others_position_w"] - inputs["position_w"][..., None, :], 0.0)
+    separation = jnp.where(here, jnp.sqrt(jnp.sum(offset * offset, axis=-1)), jnp.inf)
+    before = [(0, 0)] * (here.ndim - 1)
+    _, order = jax.lax.top_k(-jnp.pad(separation, [*before, (0, count)], constant_values=jnp.inf), count)
 
     def chosen(rows: Array) -> Array:
-        """[..., M, *B] -> [..., count, *B]."""
-        axis = rows.ndim - here.ndim
-        nobody = jnp.zeros((*rows.shape[:axis], count, *here.shape[1:]), rows.dtype)
-        padded = jnp.concatenate([rows, nobody], axis=axis)
-        if here.ndim == 1:
-            return padded.take(order, axis=axis, mode="clip")
-        return jax.vmap(lambda one, at: one.take(at, axis=-1, mode="clip"), in_axes=-1, out_axes=-1)(padded, order)
+        """[*B, M, ...] -> [*B, count, ...]."""
+        padded = jnp.pad(rows, [*before, (0, count), *[(0, 0)] * (rows.ndim - here.ndim)])
+        take = functools.partial(jnp.take, axis=0, mode="clip")
+        for _ in before:
+            take = jax.vmap(take)
+        taken: Array = take(padded, order)
+        return taken
 
-    return values | {name: chosen(values[name]) for name in OTHERS}
+    return inputs | {name: chosen(inputs[name]) for name in OTHERS}
 
 
 def _race(env: RaceEnv, agility: float, values: Values) -> RaceState:

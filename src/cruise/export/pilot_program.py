@@ -86,9 +86,7 @@ def components_first(inputs: Values) -> Values:
 
 def _whole(parts: Parts, nearest: int | None, inputs: Values) -> Values:
     """[B, ...] of every drone; all of them see the same gates. Of any number of others the `nearest` count."""
-    values = components_first(inputs)
-    if nearest is not None:
-        values = nearest_others(values, nearest)
+    values = components_first(inputs if nearest is None else nearest_others(inputs, nearest))
     action = parts.decode(values, parts.network(parts.observe(values)))
     return components_first({"action": action} | parts.command(values, action))
 

@@ -1,5 +1,6 @@
 """A function as a flat list of equations."""
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -8,7 +9,7 @@ import numpy as np
 class Var:
     """What an equation gives, or an input."""
 
-    def __init__(self, shape: tuple[Any, ...], dtype: Any) -> None:
+    def __init__(self, shape: Sequence[Any], dtype: Any) -> None:
         """`shape` may have sizes that are known only when the program runs."""
         self.shape, self.dtype = tuple(shape), np.dtype(dtype)
         self.ndim = len(self.shape)

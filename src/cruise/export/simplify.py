@@ -90,9 +90,16 @@ def _arithmetic(work: _Work, equation: Equation) -> Atom | None:
     """Nothing by a neutral number."""
     (var,), neutral, name = equation.outputs, NEUTRAL.get(equation.primitive), equation.primitive
     first, second = equation.inputs
+    if name == "mul" and _is_constant(first, -1):
+        return work.one("neg", [second], {}, var)
+    negated = work.made_by(second, "neg") if name == "add" else None
+    if negated is not None:
+        return work.one("sub", [first, *negated.inputs], {}, var)
     if name == "mul" and (_is_constant(first, 0) or _is_constant(second, 0)):  # of finite numbers
         zero = np.zeros((), var.dtype)
         return work.one("broadcast_in_dim", [zero], {"broadcast_dimensions": ()}, Var(var.shape, var.dtype))
+    if neutral is not None and (moved := _moved(work, equation)) is not None:
+        return moved
     if name in ("add", "sub") and work.is_zero(second) and _alike(first, var):
         return first
     if name in ("add", "sub") and work.is_zero(first) and _alike(second, var):
@@ -102,6 +109,51 @@ def _arithmetic(work: _Work, equation: Equation) -> Atom | None:
     if neutral is not None and equation.primitive in FREE and _is_constant(first, neutral) and _alike(second, var):
         return second
     return None
+
+
+def _logic(work: _Work, equation: Equation) -> Atom | None:
+    """Or nothing, and all, not not."""
+    if equation.primitive == "not":
+        twice = work.made_by(equation.inputs[0], "not")
+        return twice.inputs[0] if twice else None
+    for one, other in (equation.inputs, equation.inputs[::-1]):
+        made = work.made_by(one, "broadcast_in_dim")
+        if _is_constant(made.inputs[0] if made else one, equation.primitive == "and") and _alike(other, equation.outputs[0]):
+            return other
+    return None
+
+
+def _moved(work: _Work, equation: Equation) -> Atom | None:
+    """What is done number by number to transposed arrays is transposed afterwards."""
+    (var,), inputs, perm = equation.outputs, [], None
+    for atom in equation.inputs:
+        made = work.made_by(atom, "transpose")
+        order = tuple(made.params["permutation"]) if made else None
+        if isinstance(atom, np.ndarray):
+            inputs.append(atom)
+            continue
+        if made is None or order is None or perm not in (None, order):
+            return None
+        perm = order
+        inputs.append(made.inputs[0])
+    if perm is None:
+        return None
+    back = np.argsort(perm)
+    inputs = [atom.transpose(back) if isinstance(atom, np.ndarray) and atom.ndim else atom for atom in inputs]
+    done = work.one(equation.primitive, inputs, equation.params, Var(tuple(var.shape[i] for i in back), var.dtype))
+    return work.one("transpose", [done], {"permutation": perm}, Var(var.shape, var.dtype))
+
+
+def _product(work: _Work, equation: Equation) -> Atom | None:
+    """A layer of a batch along the last axis, as runtimes know it: the batch first."""
+    (left, right), (var,), (contracted, batch) = equation.inputs, equation.outputs, equation.params["dimension_numbers"]
+    known = isinstance(left, np.ndarray) and left.ndim == right.ndim == 2 and contracted == ((1,), (0,)) and not batch[0]
+    if not known:
+        return None
+    rows = work.one("transpose", [right], {"permutation": (1, 0)}, Var(right.shape[::-1], right.dtype))
+    params = equation.params | {"dimension_numbers": (((1,), (0,)), ((), ()))}
+    done = work.one("dot_general", [rows, np.ascontiguousarray(left.T)], params, Var(var.shape[::-1], var.dtype))
+    return work.one("transpose", [done], {"permutation": (1, 0)}, Var(var.shape, var.dtype))
 
 
 def _is_constant(atom: Atom, value: float) -> bool:
@@ -142,12 +194,30 @@ def _concatenate(work: _Work, equation: Equation) -> Atom | None:
     parts = [atom for atom in equation.inputs if str(atom.shape[axis]) != "0"]
     if len(parts) == 1:
         return parts[0]
+    parts = list(_runs(work, parts)) if axis == 0 else parts
+    if len(parts) == 1:
+        return parts[0]
     at_once = _at_once(work, equation._replace(inputs=tuple(parts)), [part.shape[axis] for part in parts], axis)
     if at_once is not None:
         return at_once
     if len(parts) < len(equation.inputs):
         return work.one("concatenate", parts, equation.params, Var(var.shape, var.dtype))
     return None
+
+
+def _runs(work: _Work, parts: Sequence[Atom]) -> Iterable[Atom]:
+    """All rows of an array, one after the other, are the array, reshaped."""
+    rows, place = [work.row_of(part) for part in parts], 0
+    while place < len(parts):
+        table, first = rows[place] or (None, 1)
+        count = table.shape[0] if table is not None and first == 0 and isinstance(table.shape[0], int) else 1
+        if table is not None and count > 1 and table.ndim > 1 and rows[place : place + count] == [(table, i) for i in range(count)]:
+            shape = (count * table.shape[1], *table.shape[2:])
+            yield work.one("reshape", [table], {"new_sizes": shape, "dimensions": None}, Var(shape, table.dtype))
+        else:
+            count = 1
+            yield parts[place]
+        place += count
 
 
 def _stack(work: _Work, equation: Equation) -> Atom | None:
@@ -197,6 +267,9 @@ def _column(pieces: Iterable[tuple[float, int]], axis: int, var: Var) -> np.ndar
 Rule = Callable[[_Work, Equation], Atom | None]
 RULES: dict[str, Rule] = {
     **dict.fromkeys(NEUTRAL, _arithmetic),
+    **dict.fromkeys(("tanh", "max", "min"), _moved),
+    **dict.fromkeys(("and", "or", "not"), _logic),
+    "dot_general": _product,
     **dict.fromkeys(("copy", "stop_gradient", "convert_element_type", "reshape", "squeeze"), _unchanged),
     "slice": _slice,
     "transpose": _transpose,
