@@ -12,6 +12,7 @@ from cruise.env.race_env import RaceEnv
 from cruise.env.surroundings import MovedGates, Surroundings
 from cruise.env.types import RaceState
 from cruise.export.ports import command
+from cruise.export.trace import own
 from cruise.storage.policy_file import Policy
 
 Values = dict[str, Array]  # by the names of ports, components first: position_w [3], others_position_w [3, M]
@@ -34,10 +35,10 @@ def make_parts(policy: Policy, env: RaceEnv) -> Parts:
 
     def decode(values: Values, said: Array) -> Array:
         action = env.decode_as[kind](_race(env, agility, values), said[:, None], (0,))
-        return jnp.clip(action[:, 0], -1.0, 1.0)
+        return jnp.clip(own(action), -1.0, 1.0)
 
     return Parts(
-        observe=lambda values: env.observe_as[kind](_race(env, agility, values))[:, 0],
+        observe=lambda values: own(env.observe_as[kind](_race(env, agility, values))),
         network=policy.params.mean_action,
         decode=decode,
         command=lambda values, action: command(env, agility, values, action),

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from cruise.export.pick import Picker
 from cruise.export.program import Atom, Equation, Program, Var
 
 NEUTRAL = {"mul": 1, "div": 1, "add": 0, "sub": 0}  # as the second number, and as the first where the order is free
@@ -29,6 +30,7 @@ class _Work:
         self.instead: dict[Var, Atom] = {}
         self.source: dict[Var, Equation] = {}
         self.known: dict[Any, tuple[Var, ...]] = {}
+        self.picker = Picker(self.one, lambda atom: self.source.get(atom) if isinstance(atom, Var) else None)
 
     def now(self, atom: Atom) -> Atom:
         return self.instead.get(atom, atom) if isinstance(atom, Var) else atom
@@ -170,10 +172,28 @@ def _unchanged(work: _Work, equation: Equation) -> Atom | None:
 
 
 def _slice(work: _Work, equation: Equation) -> Atom | None:
-    del work
+    """All of an array, or one of those that it was put together from."""
     ((atom,), (var,)), params = equation[1:3], equation.params
-    whole = _alike(atom, var) and all(step == 1 for step in params["strides"] or ())
-    return atom if whole and all(str(first) == "0" for first in params["start_indices"]) else None
+    starts, limits = params["start_indices"], params["limit_indices"]
+    plain = all(step == 1 for step in params["strides"] or ())
+    if plain and _alike(atom, var) and all(str(first) == "0" for first in starts):
+        return atom
+    joint = work.made_by(atom, "concatenate")
+    if joint is None or not plain:
+        return None
+    axis, first = int(joint.params["dimension"]), 0
+    if any(str(size) != str(full) for i, (size, full) in enumerate(zip(var.shape, atom.shape, strict=True)) if i != axis):
+        return None
+    for part in joint.inputs:
+        if (str(first), str(first + part.shape[axis])) == (str(starts[axis]), str(limits[axis])):
+            return part
+        first = first + part.shape[axis]
+    return None
+
+
+def _own(work: _Work, equation: Equation) -> Atom:
+    """Of the first drone alone: what only others need is left out."""
+    return work.picker.pick(equation.inputs[0], 1, 0)
 
 
 def _transpose(work: _Work, equation: Equation) -> Atom | None:
@@ -203,6 +223,35 @@ def _concatenate(work: _Work, equation: Equation) -> Atom | None:
     if len(parts) < len(equation.inputs):
         return work.one("concatenate", parts, equation.params, Var(var.shape, var.dtype))
     return None
+
+
+def _broadcast(work: _Work, equation: Equation) -> Atom | None:
+    """What is of that shape already, or was made so in two steps."""
+    (atom,), (var,), kept = equation.inputs, equation.outputs, tuple(map(int, equation.params["broadcast_dimensions"]))
+    if kept == tuple(range(var.ndim)) and _alike(atom, var):
+        return atom
+    before = work.made_by(atom, "broadcast_in_dim")
+    if before is None:
+        return None
+    both = tuple(kept[int(axis)] for axis in before.params["broadcast_dimensions"])
+    return work.one("broadcast_in_dim", before.inputs, {"broadcast_dimensions": both}, Var(var.shape, var.dtype))
+
+
+def _gather(work: _Work, equation: Equation) -> Atom | None:
+    """Of neighbours: a slice. Of two arrays one behind the other: of the one that has them."""
+    (table, where), (var,), params = equation.inputs, equation.outputs, equation.params
+    numbers = params["dimension_numbers"]
+    if not isinstance(where, np.ndarray) or where.ndim != 2 or len(numbers.start_index_map) != 1:
+        return None
+    axis, first = int(numbers.start_index_map[0]), int(where[0, 0])
+    if numbers.operand_batching_dims or var.ndim != table.ndim or axis in numbers.offset_dims:
+        return None
+    if (where[:, 0] != np.arange(first, first + len(where))).any():
+        return None
+    starts, limits = [0] * table.ndim, list(table.shape)
+    starts[axis], limits[axis] = first, first + len(where)
+    cut = {"start_indices": tuple(starts), "limit_indices": tuple(limits), "strides": None}
+    return work.one("slice", [table], cut, Var(var.shape, var.dtype))
 
 
 def _runs(work: _Work, parts: Sequence[Atom]) -> Iterable[Atom]:
@@ -272,6 +321,9 @@ RULES: dict[str, Rule] = {
     "dot_general": _product,
     **dict.fromkeys(("copy", "stop_gradient", "convert_element_type", "reshape", "squeeze"), _unchanged),
     "slice": _slice,
+    "own": _own,
+    "broadcast_in_dim": _broadcast,
+    "gather": _gather,
     "transpose": _transpose,
     "concatenate": _concatenate,
     "stack": _stack,
