@@ -5,10 +5,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-from rich.console import Console
 from rich.table import Column, Table
 
 from cruise.cli.compilation import prepare_training
+from cruise.cli.console import make_console
 from cruise.cli.line_up import described
 from cruise.errors import CruiseError
 from experiments.evidence import read_evidence
@@ -78,7 +78,7 @@ class Reproduce(Study):
 
     def _run_jobs(self, work: Work, jobs: tuple[Job, ...]) -> int:
         wanted = left(work, jobs, self.again)
-        return show_events(Console(), run_jobs(work, wanted), wanted, len(jobs))
+        return show_events(make_console(), run_jobs(work, wanted), wanted, len(jobs))
 
     def _report(self, work: Work) -> None:
         evidence = read_evidence(work.results, work.scale)
@@ -101,7 +101,7 @@ class Sweep(Study):
         work, jobs = self.plan()
         wanted = left(work, jobs)
         events = sweep(work, wanted, Cluster(self.address, self.cores), prepare_training)
-        return show_events(Console(), events, wanted, len(jobs))
+        return show_events(make_console(), events, wanted, len(jobs))
 
 
 def show_states(work: Work, jobs: tuple[Job, ...]) -> int:
@@ -113,6 +113,6 @@ def show_states(work: Work, jobs: tuple[Job, ...]) -> int:
     table = Table("kind", "track", Column("drones", justify="right"), "seeds")
     for row, seeds in rows.items():
         table.add_row(*row, ", ".join(seeds))
-    Console().print(table)
+    make_console().print(table)
     print(", ".join(f"{count} {state}" for state, count in Counter(states.values()).items()))
     return 0

@@ -11,21 +11,26 @@ from matplotlib.figure import Figure
 
 from cruise.evaluation.matches import make_match, run_races
 from cruise.presets import TRACKS
+from cruise.racing.events import EventKind
 from cruise.report.figure_style import our_look
 from cruise.report.race_figure import draw_race
 from cruise.report.race_scene import make_scene
 from tests.evaluation.pilots import TROUBLE
 from tests.storage.logs import small_log
 
+MISSES = np.full(4, EventKind.MISSED_GATE, np.int32)
+
 # A race full of incidents, a race in which nothing happens, and many drones of few samples.
 RACES = {
     "trouble": lambda: next(run_races(make_match(TRACKS["figure-eight"], 6, TROUBLE, laps=2), 10, 0)),
     "alone": lambda: small_log(
-        drones=1, event_kind=np.array([0, 1, 1, 1], np.int32), event_drone=np.zeros(4, np.int32)
+        drones=1,
+        event_kind=np.array([EventKind.CROSSING] + [EventKind.MISSED_GATE] * 3, np.int32),
+        event_drone=np.zeros(4, np.int32),
     ),
     "crowd": lambda: small_log(drones=16),
-    "no events": lambda: small_log(event_kind=np.ones(4, np.int32)),
-    "one sample": lambda: small_log(samples=1, event_kind=np.ones(4, np.int32), airborne=np.zeros((1, 2), bool)),
+    "no events": lambda: small_log(event_kind=MISSES),
+    "one sample": lambda: small_log(samples=1, event_kind=MISSES, airborne=np.zeros((1, 2), bool)),
 }
 
 

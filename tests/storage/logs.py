@@ -2,7 +2,9 @@
 
 import numpy as np
 
-from cruise.storage.race_log import EVENT_KINDS, RaceLog
+from cruise.storage.race_log import EVENT_KINDS, EventKind, RaceLog
+
+KINDS = (EventKind.CROSSING, EventKind.MISSED_GATE, EventKind.COLLISION_DRONE, EventKind.COLLISION_DRONE)
 
 
 def small_log(samples=5, drones=2, gates=3, **changes):
@@ -24,7 +26,7 @@ def small_log(samples=5, drones=2, gates=3, **changes):
         "leave_distance": 10.0,
         "event_time": np.array([0.05, 0.1, 0.25, 0.25]),
         "event_drone": np.array([0, 1, 0, 1], np.int32),
-        "event_kind": np.array([0, 1, 2, 2], np.int32),
+        "event_kind": np.array(KINDS, np.int32),
         "event_gate": np.array([2, 2, -1, -1], np.int32),
         "event_other": np.array([-1, -1, 1, 0], np.int32),
         "event_kind_names": np.array(EVENT_KINDS),
@@ -50,7 +52,7 @@ def crossing_log(times):
         gates=gates,
         event_time=times[drone, crossing],
         event_drone=drone.astype(np.int32),
-        event_kind=np.zeros(len(drone), np.int32),
+        event_kind=np.full(len(drone), EventKind.CROSSING, np.int32),
         event_gate=((crossing + gates - 1) % gates).astype(np.int32),
         event_other=np.full(len(drone), -1, np.int32),
     )

@@ -183,11 +183,17 @@ def test_names_that_lead_nowhere(name):
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.filterwarnings("error")
 def test_what_is_not_sound_is_not_written(tmp_path):
+    """Numbers that are not finite as they are stored, of half the precision, or none; a description that is wrong."""
     params = random_params()
     broken = eqx.tree_at(lambda p: p.log_std, params, jnp.array([0.0, jnp.nan, 0.0]))
+    immense = eqx.tree_at(lambda p: p.log_std, params, np.array([0.0, 1e300, 0.0]))
+    whole = eqx.tree_at(lambda p: p.log_std, params, np.zeros(3, np.int32))
     for save in (
         lambda: save_policy(tmp_path / "p", broken, meta()),
+        lambda: save_policy(tmp_path / "p", immense, meta()),
+        lambda: save_policy(tmp_path / "p", whole, meta()),
         lambda: save_policy(tmp_path / "p", params, meta(agility=-1.0)),
         lambda: save_policy(tmp_path / "p", params, meta(vehicle="none")),
         lambda: save_policy(tmp_path / "p", jax.tree.map(lambda x: x.astype(jnp.float16), params), meta()),
@@ -195,3 +201,10 @@ def test_what_is_not_sound_is_not_written(tmp_path):
         with pytest.raises(CruiseError):
             save()
     assert os.listdir(tmp_path) == []
+
+
+def test_double_precision_is_rounded(tmp_path):
+    """As a run under JAX_ENABLE_X64 gives it."""
+    params = random_params()
+    double = jax.tree.map(lambda x: np.asarray(x, np.float64) * (1 + 1e-12), params)
+    assert eqx.tree_equal(read_policy(save_policy(tmp_path / "p", double, meta())).params, params)

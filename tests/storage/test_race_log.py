@@ -67,10 +67,12 @@ def test_logs_of_the_first_format_are_read(tmp_path):
     """Eight kinds of event by number, no tilt, no shapes, no solids."""
     new = ("gate_roll", "gate_pitch", "gate_shape", "solid_")
     arrays = {name: value for name, value in arrays_of(small_log()).items() if not name.startswith(new)}
-    arrays |= {"event_kind": np.array([0, 7, 6, 2], np.int32), "event_kind_names": np.array(FIRST_KINDS)}
+    kinds = ["crossing", "finish", "collision_flip", "collision_drone"]
+    numbers = np.array([FIRST_KINDS.index(kind) for kind in kinds], np.int32)
+    arrays |= {"event_kind": numbers, "event_kind_names": np.array(FIRST_KINDS)}
     np.savez(tmp_path / "race.npz", **arrays | {"version": 1})
     log = load_race_log(tmp_path / "race.npz")
-    assert log.event_kind_names[log.event_kind].tolist() == ["crossing", "finish", "collision_flip", "collision_drone"]
+    assert log.event_kind_names[log.event_kind].tolist() == kinds
     assert (log.gate_roll == 0).all()
     assert log.gate_shape.tolist() == ["rectangle"] * 3
     assert log.solid_position.shape == (0, 3)
@@ -128,10 +130,13 @@ MALFORMED = {
     "infinity": (bent("gate_yaw", 0, np.inf), "'gate_yaw' holds numbers that are not finite"),
     "no such gate": (bent("next_gate", (0, 0), 3), "'next_gate' holds numbers outside 0 .. 2"),
     "no such drone": (bent("event_drone", 0, 2), "'event_drone' holds numbers outside 0 .. 1"),
-    "no such kind": (bent("event_kind", 0, 10), "'event_kind' holds numbers outside 0 .. 9"),
+    "no such kind": (
+        bent("event_kind", 0, len(EVENT_KINDS)),
+        f"'event_kind' holds numbers outside 0 .. {len(EVENT_KINDS) - 1}",
+    ),
     "no such other": (bent("event_other", 0, -2), "'event_other' holds numbers outside -1 .. 1"),
     "other kinds": (
-        with_array(event_kind_names=np.array(["applause"] * 10)),
+        with_array(event_kind_names=np.array(["applause"] * len(EVENT_KINDS))),
         "'event_kind_names' holds 'applause'; known",
     ),
     "time stands still": (bent("time", 2, 0.1), "'time' does not ascend"),

@@ -12,6 +12,7 @@ from cruise.env.race_env import RaceEnv
 from cruise.env.surroundings import perceive
 from cruise.env.types import RaceState, Rules, StepOutcome
 from cruise.pilots.base import Crew
+from cruise.racing.events import COLLISION_KINDS
 from cruise.racing.grid import Start
 from cruise.rollout import act_together, first_memories
 from cruise.vector import norm
@@ -150,12 +151,9 @@ def _standing(plan: Plan, state: RaceState) -> Info:
         "passed_gate": no,
         "missed_gate": no,
         "finished": no,
-        "collision": dict.fromkeys(KINDS, no),
+        "collision": {kind.hit: no for kind in COLLISION_KINDS},
         "reward_components": dict.fromkeys(plan.env.reward.names, zero),
     }
-
-
-KINDS = ("drone", "ground", "gate_frame", "bounds", "flip")
 
 
 def _info(plan: Plan, state: RaceState, outcome: StepOutcome, active: Bool[Array, "L E"]) -> Info:
@@ -164,7 +162,6 @@ def _info(plan: Plan, state: RaceState, outcome: StepOutcome, active: Bool[Array
     def mine(values: Array) -> Array:
         return values[learners].T
 
-    collided = outcome.collisions._asdict()
     terms = plan.env.reward.counted(outcome)
     time = (state.step * plan.env.dynamics.control_dt).astype(jnp.float32)
     return {
@@ -175,6 +172,6 @@ def _info(plan: Plan, state: RaceState, outcome: StepOutcome, active: Bool[Array
         "passed_gate": mine(outcome.crossing.passed) & active.T,
         "missed_gate": mine(outcome.crossing.missed) & active.T,
         "finished": mine(state.finished),
-        "collision": {kind: mine(collided[kind]) & active.T for kind in KINDS},
+        "collision": {hit: mine(met) & active.T for hit, met in outcome.collisions._asdict().items()},
         "reward_components": {name: jnp.where(active.T, mine(value), 0.0) for name, value in terms.items()},
     }

@@ -20,11 +20,11 @@ from cruise.env.types import Rules, stage_rules
 from cruise.errors import CruiseError
 from cruise.evaluation.matches import MAX_DRONES, MAX_LAPS, Match, make_match
 from cruise.evaluation.pilot_choice import PilotChoice
-from cruise.pilots.base import Crew, Pilot, crews
+from cruise.pilots.base import Crew, Pilot, Versatile, crews
 from cruise.pilots.foreign import Commanded
 from cruise.pilots.terms_file import load_all_terms
 from cruise.precision import single_precision
-from cruise.presets import CURRICULUM, REWARDS, curriculum_of
+from cruise.presets import CURRICULUM, REWARDS, curriculum_of, training_config
 from cruise.racing.track_file import load_track
 from cruise.storage.policy_file import shipped_name
 from cruise.vehicles import VehicleChoice, load_vehicle, reference_to
@@ -49,10 +49,12 @@ class RaceOptions:
     a finish."""
     laps: int | None = None
     """Of a real race; by default the track's."""
-    observation: ObservationKind = "extended"
-    """What the learner sees. It speaks in the same frame: with `extended` in that of its target gate."""
-    reward: RewardWeights | str = "default"
-    """Weights, or the name of a preset."""
+    observation: ObservationKind | None = None
+    """What the learner sees. It speaks in the same frame: with `extended` in that of its target gate. By default what
+    policies of the vehicle are trained with, as `training_config` says: `extended`, with rotors `body`."""
+    reward: RewardWeights | str | None = None
+    """Weights, or the name of a preset. By default those that policies of the vehicle are trained with: `default`, with
+    rotors `agile`."""
     terms: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] = ()
     """Python files that declare observations and reward terms of your own; their code is run, and all reward terms are
     added."""
@@ -98,25 +100,27 @@ def set_up(options: RaceOptions, everybody_learns: bool) -> Setup:
     files = (options.terms,) if isinstance(options.terms, str | os.PathLike) else options.terms
     more = find_reward_terms(load_all_terms(files))
     track = options.track if isinstance(options.track, Track) else load_track(options.track)
-    vehicle, weights, stage, agility = _chosen(options)
+    vehicle, stage, agility = _chosen(options)
     drones = _drones(options, everybody_learns)
+    usual = training_config(vehicle, drones)
+    observation, weights = _observation(options, usual), _weights(options, usual)
     learners = tuple(range(drones)) if everybody_learns else (0,)
     opponents = _opponents(options, track, vehicle, drones) if len(learners) < drones else ()
     laps = _laps(options, track)
     known = tuple(OBSERVATIONS.values())
-    env = _race_env(track, drones, vehicle, options.observation, weights, more, known)
+    env = _race_env(track, drones, vehicle, observation, weights, more, known)
     scales = [agility] * len(learners) + [pilot.agility for pilot in opponents]
-    rules = _rules(stage, vehicle, laps * len(track.gates) + 1 if options.stage == RACE else 0)
+    rules = _rules(stage, vehicle, usual, laps * len(track.gates) + 1 if options.stage == RACE else 0)
     rules = rules._replace(agility=jnp.array(scales, jnp.float32)[:, None])
     others = (Crew(c.pilot, tuple(d + len(learners) for d in c.drones)) for c in crews(opponents))
     return Setup(
         env=env,
         track=track,
         vehicle=vehicle,
-        observation=options.observation,
+        observation=observation,
         rules=jax.tree.map(jnp.asarray, rules),
         learners=learners,
-        groups=(Crew(Commanded(options.observation), learners), *others),
+        groups=(Crew(Commanded(observation), learners), *others),
         limit=_limit(options, track, laps, vehicle),
         names=("learner",) * len(learners) + tuple(pilot.name for pilot in opponents),
     )
@@ -129,23 +133,35 @@ def _race_env(*choices: Any) -> RaceEnv:
     return make_race_env(track, drones, vehicle, observation, make_reward(weights, more))
 
 
-def _chosen(options: RaceOptions) -> tuple[Vehicle, RewardWeights, Stage, float]:
-    """Vehicle, weights, stage and agility."""
+def _observation(options: RaceOptions, usual: TrainConfig) -> ObservationKind:
+    """What the learner sees. Raises CruiseError where there is no such observation."""
+    chosen = usual.observation if options.observation is None else options.observation
+    find_observation(chosen)
+    return chosen
+
+
+def _weights(options: RaceOptions, usual: TrainConfig) -> RewardWeights:
+    """Of the reward. Raises CruiseError where there is no such preset."""
+    if options.reward is None:
+        return usual.reward
+    if isinstance(options.reward, RewardWeights):
+        return options.reward
+    _one_of("reward", options.reward, tuple(REWARDS))
+    return REWARDS[options.reward]
+
+
+def _chosen(options: RaceOptions) -> tuple[Vehicle, Stage, float]:
+    """Vehicle, its stage and agility."""
     vehicle = load_vehicle(options.vehicle)
-    find_observation(options.observation)
-    weights = options.reward
-    if not isinstance(weights, RewardWeights):
-        _one_of("reward", weights, tuple(REWARDS))
-        weights = REWARDS[weights]
-    number = len(CURRICULUM) if options.stage == RACE else options.stage
-    if isinstance(number, bool) or not isinstance(number, int) or not 1 <= number <= len(CURRICULUM):
-        raise CruiseError(f"stage must be from 1 to {len(CURRICULUM)}, or {RACE!r}, got {options.stage!r}")
-    stage = CURRICULUM[number - 1]
-    usual = curriculum_of(vehicle)[number - 1].agility
-    agility = usual if options.agility is None else float(options.agility)
+    curriculum = curriculum_of(vehicle)
+    number = len(curriculum) if options.stage == RACE else options.stage
+    if isinstance(number, bool) or not isinstance(number, int) or not 1 <= number <= len(curriculum):
+        raise CruiseError(f"stage must be from 1 to {len(curriculum)}, or {RACE!r}, got {options.stage!r}")
+    stage = curriculum[number - 1]
+    agility = stage.agility if options.agility is None else float(options.agility)
     if not (math.isfinite(agility) and agility > 0):
         raise CruiseError(f"agility must be above 0 and finite, got {agility}")
-    return vehicle, weights, stage, agility
+    return vehicle, stage, agility
 
 
 def _one_of(name: str, value: object, known: Sequence[str]) -> None:
@@ -171,7 +187,14 @@ def _opponents(options: RaceOptions, track: Track, vehicle: Vehicle, drones: int
     choices = options.opponents
     if choices is None or (isinstance(choices, list | tuple) and not choices):
         choices = shipped_name(track.name, drones, reference_to(vehicle))
-    return make_match(track, drones - 1, choices, vehicle=vehicle).team
+    several = choices if isinstance(choices, list | tuple) else [choices]
+    return make_match(track, drones - 1, [_aboard(one, vehicle) for one in several], vehicle=vehicle).team
+
+
+def _aboard(choice: PilotChoice, vehicle: Vehicle) -> PilotChoice:
+    """A pilot that can fly any vehicle, put into the one that is raced: the learner's."""
+    ready = not isinstance(choice, type) and isinstance(choice, Pilot) and isinstance(choice, Versatile)
+    return choice.for_vehicle(vehicle) if ready else choice  # type: ignore[union-attr]
 
 
 def _laps(options: RaceOptions, track: Track) -> int:
@@ -184,9 +207,9 @@ def _laps(options: RaceOptions, track: Track) -> int:
     return options.laps
 
 
-def _rules(stage: Stage, vehicle: Vehicle, gates_to_finish: int) -> Rules:
+def _rules(stage: Stage, vehicle: Vehicle, usual: TrainConfig, gates_to_finish: int) -> Rules:
     if not gates_to_finish:
-        return stage_rules(stage, TrainConfig().collision_distance)
+        return stage_rules(stage, usual.collision_distance)
     strict = stage_rules(stage, vehicle.collision_distance)
     return strict._replace(gate_tolerance=0.0, terminal_collisions=True, gates_to_finish=gates_to_finish)
 

@@ -198,8 +198,9 @@ def _template(network: NetworkShape) -> ActorCritic:
 
 
 def _as_stored(array: np.ndarray) -> np.ndarray:
-    """What was trained in double precision is rounded."""
-    return array.astype(STORED) if array.dtype == np.float64 else array
+    """What was trained in double precision is rounded; what is too great for that is infinite, and refused as such."""
+    with np.errstate(over="ignore"):
+        return array.astype(STORED) if array.dtype == np.float64 else array
 
 
 def _named(params: Any) -> dict[str, Any]:
