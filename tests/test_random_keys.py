@@ -13,7 +13,7 @@ from jax.errors import KeyReuseError
 from scipy.stats import spearmanr
 
 from cruise.adapters.compiled import Plan, _draw
-from cruise.config import RewardWeights, SelfPlayConfig, TrainConfig
+from cruise.config import SelfPlayConfig, TrainConfig
 from cruise.env.race_env import make_race_env
 from cruise.env.randomise import made_for, perturbation
 from cruise.presets import RANDOMISATION, TRACKS, VEHICLES
@@ -161,7 +161,7 @@ def test_starts_know_nothing_of_what_is_random_about_them():
 
 def test_an_adapters_pilots_have_a_key_of_their_own():
     """What they draw from is no key that any later start of the races comes from."""
-    plan = Plan(random_env(1), (), (0,), "body", RewardWeights(), "disabled", jnp.int32(0))
+    plan = Plan(random_env(1), (), (0,), "body", "disabled", jnp.int32(0))
     keys, found = jax.random.split(jax.random.key(0), 3), []
     for _ in range(2):
         keys, _, spare = _draw(plan, keys)

@@ -177,7 +177,7 @@ def test_exports_say_that_they_have_no_memory(tmp_path):
     [
         ({"ppo": replace(CONFIG.ppo, minibatches=3)}, "races \\(8\\) must be a multiple of minibatches \\(3\\)"),
         ({"ppo": replace(CONFIG.ppo, memory_size=0)}, "memory_size must be from 1 to 65536, not 0"),
-        ({"critic_observation": "everything"}, "unknown critic_observation 'everything': there are paper, extended"),
+        ({"critic_observation": "everything"}, "unknown observation 'everything'; there are extended, paper"),
     ],
 )
 def test_what_cannot_work_is_refused(changes, complaint):
