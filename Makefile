@@ -28,7 +28,7 @@ race: $(VENV)/.installed
 	@$(BIN)/cruise race --vehicle racer --open
 
 test: $(VENV)/.installed-dev
-	$(BIN)/python -m pytest -n $(WORKERS)
+	$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile --durations=25
 
 check: $(VENV)/.installed-dev
 	$(BIN)/ruff check .

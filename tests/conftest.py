@@ -16,6 +16,10 @@ os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} --xla_cpu_prefer_v
 os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(ROOT / ".jax_cache"))
 os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.2")
 
+import gc
+
+import jax
+import pytest
 from hypothesis import settings
 from jaxtyping import install_import_hook
 
@@ -26,3 +30,32 @@ install_import_hook("cruise", f"{annotations.__name__}.checked")
 # No deadline: the first example compiles. In CI the same examples every time.
 settings.register_profile("cruise", deadline=None, derandomize="CI" in os.environ)
 settings.load_profile("cruise")
+
+MOST_MEMORY = 1.5e9  # of a worker between two modules [bytes]
+MOST_MAPPINGS = 20_000  # of its memory: every compiled program has some, and Linux ends a process at 65,530
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _few_programs():
+    """Compiled programs pile up from module to module: they are let go before memory, or its mappings, run out."""
+    yield
+    if _resident() > MOST_MEMORY or _mappings() > MOST_MAPPINGS:
+        jax.clear_caches()
+        gc.collect()
+
+
+def _resident() -> float:
+    """Memory of this process [bytes]; 0 where the system does not say."""
+    try:
+        pages = int(Path("/proc/self/statm").read_text().split()[1])
+    except OSError:
+        return 0.0
+    return float(pages * os.sysconf("SC_PAGE_SIZE"))
+
+
+def _mappings() -> int:
+    """Of this process's memory; 0 where the system does not say."""
+    try:
+        return Path("/proc/self/maps").read_text().count("\n")
+    except OSError:
+        return 0

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from cruise.cli.main import _parse
+from cruise.cli.main import parse
 from cruise.storage.config_file import to_data
 from cruise.storage.policy_file import list_policies
 from tests.helpers import flat
@@ -24,7 +24,7 @@ def flags_of(name: str) -> list[str]:
 
 @pytest.mark.parametrize("name", list_policies())
 def test_the_flags_in_the_makefile_are_those_of_the_policy(name):
-    chosen = _parse(["train", *flags_of(name)])
+    chosen = parse(["train", *flags_of(name)])
     asked = flat(to_data(chosen.config))
     trained = flat(list_policies()[name].config)  # without the options that came later
     assert {key: asked[key] for key in trained} == trained

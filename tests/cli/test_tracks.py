@@ -136,8 +136,8 @@ def test_help_names_every_command_without_loading_it():
     [
         (CruiseError("two\nlines"), 2, "error: two lines\n"),
         (KeyboardInterrupt(), 130, "error: interrupted\n"),
-        (SystemExit(7), 7, ""),
-        (SystemExit(), 0, ""),
+        (SystemExit(7), 2, "error: code that was loaded ended the program: sys.exit(7)\n"),
+        (SystemExit(), 2, "error: code that was loaded ended the program: sys.exit(None)\n"),
     ],
 )
 def test_what_ends_a_command_becomes_a_line_and_a_code(raised, code, line, monkeypatch, capsys):
@@ -146,7 +146,7 @@ def test_what_ends_a_command_becomes_a_line_and_a_code(raised, code, line, monke
         def run(self) -> int:
             raise raised
 
-    monkeypatch.setattr(dispatcher, "_parse", lambda arguments: Failing())
+    monkeypatch.setattr(dispatcher, "parse", lambda arguments: Failing())
     assert main(["tracks", "list"]) == code
     assert capsys.readouterr().err == line
 

@@ -32,7 +32,7 @@ def mean_gate(env):
     def observe(state):
         course = env.course_of(state)
         mean = sum(course.position_w[:, gate] for gate in range(course.num_gates))
-        return jnp.concatenate([mean[:, None] - state.drones.position_w, jnp.zeros((53, *state.next_gate.shape))])
+        return jnp.concatenate([mean.reshape(3, *(1,) * state.next_gate.ndim) - state.drones.position_w, jnp.zeros((53, *state.next_gate.shape))])
 
     return observe
 
@@ -67,14 +67,14 @@ def test_an_observation_of_ones_own(declared, gates):
 @pytest.mark.parametrize("others", [0, 2, 6])
 def test_the_nearest_others_in_the_air(others):
     draw = np.random.default_rng(others)
-    place, speed = (draw.normal(size=(3, others)).astype(np.float32) for _ in range(2))
+    place, speed = (draw.normal(size=(others, 3)).astype(np.float32) for _ in range(2))
     here = draw.random(others) < 0.7
     own = draw.normal(size=3).astype(np.float32)
     names = ("others_position_w", "others_velocity_w", "others_airborne", "position_w")
     values = dict(zip(names, map(jnp.asarray, (place, speed, here, own)), strict=True))
     cut = nearest_others(values, 3)
-    order = sorted(np.flatnonzero(here), key=lambda k: np.linalg.norm(place[:, k] - own))[:3]
+    order = sorted(np.flatnonzero(here), key=lambda k: np.linalg.norm(place[k] - own))[:3]
     seen = np.asarray(cut["others_airborne"])
     assert seen.sum() == len(order)
-    np.testing.assert_array_equal(np.asarray(cut["others_position_w"])[:, : len(order)], place[:, order])
-    np.testing.assert_array_equal(np.asarray(cut["others_velocity_w"])[:, : len(order)], speed[:, order])
+    np.testing.assert_array_equal(np.asarray(cut["others_position_w"])[: len(order)], place[order])
+    np.testing.assert_array_equal(np.asarray(cut["others_velocity_w"])[: len(order)], speed[order])

@@ -14,7 +14,7 @@ from cruise.export.c_expressions import BOOL, FLOAT, leaf
 from cruise.export.c_harness import FLAGS, compiler
 from cruise.export.c_printer import statements
 from cruise.export.onnx_printer import OPSET, write
-from cruise.export.program import trace
+from cruise.export.trace import trace
 from cruise.vector import norm, sin_cos, stored
 
 WEIGHT = np.random.default_rng(1).normal(size=(20, 6)).astype(np.float32)

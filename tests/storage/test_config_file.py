@@ -46,7 +46,7 @@ MALFORMED = {
     "list for a number": (changed(reward__w_prox=[]), "reward.w_prox: expected a number, got []"),
     "number for text": (changed(track=4), "track: expected a string, got 4"),
     "number for truth": (changed(vanilla=1), "vanilla: expected true or false, got 1"),
-    "not one of the choices": (changed(observation="all"), "observation: expected one of extended, paper"),
+    "not one of the choices": (changed(ppo__network="all"), "ppo.network: expected one of mlp, gru"),
     "unknown key": (changed(drone=4), "unknown key 'drone'"),
     "unknown keys": (changed(b=4, a=5), "unknown key 'a', 'b'"),
     "unknown nested key": (changed(ppo__epoch=4), "ppo: unknown key 'epoch'"),

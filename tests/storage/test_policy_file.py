@@ -140,7 +140,7 @@ MALFORMED = {
     "wrong type": (edited(lambda d: d["policy"].update(drones="2")), "policy.drones: expected an integer, got '2'"),
     "unknown observation": (
         edited(lambda d: d["policy"].update(observation="x")),
-        "policy.observation: expected one of",
+        "sees by the observation 'x', which is not known here: give the file that declares it",
     ),
     "unknown vehicle": (edited(lambda d: d["policy"].update(vehicle="x")), "unknown vehicle 'x'; vehicles: "),
     "no drones": (edited(lambda d: d["policy"].update(drones=0)), "drones must be from 1 to"),

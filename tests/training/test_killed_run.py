@@ -18,7 +18,8 @@ from cruise.storage.checkpoint import CURRENT, PREVIOUS, load_checkpoint
 from cruise.storage.config_file import load_config
 from cruise.storage.policy_file import load_policy, read_meta
 from cruise.training.metrics_log import METRICS, read_metrics
-from cruise.training.session import CONFIG
+from cruise.training.run_track import TRACK
+from cruise.training.session import CONFIG, LOCK
 from tests.training.replay import compiled_env
 from tests.training.runs import TINY, TINY_FLAGS, UPDATES, bits, saved_updates, tiny_trainer, whole_run
 
@@ -118,7 +119,7 @@ def test_everything_is_there_at_the_end(story):
     stages = [f"stage-{k}{ending}" for k in range(1, 6) for ending in (".json", ".safetensors")]
     finished = [CONFIG, METRICS, "policy.json", "policy.safetensors", "tensorboard", "training.png", CURRENT, PREVIOUS]
     left = {path.name for path in folder.iterdir() if not path.name.endswith(".tmp")}  # drafts of the killed process
-    assert left == {*stages, *finished}
+    assert left == {*stages, *finished, TRACK, LOCK}
     assert load_config(folder / CONFIG, type(TINY)).ppo == TINY.ppo
     picture = (folder / "training.png").read_bytes()
     width, height = struct.unpack(">II", picture[16:24])

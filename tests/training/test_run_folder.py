@@ -164,10 +164,10 @@ def test_a_policy_knows_the_track_it_was_trained_on(on_mine, tmp_path, monkeypat
     session.finish(lambda _: {})
     Path("my.toml").unlink()
     monkeypatch.chdir(tmp_path)
-    assert read_meta(session.folder).layout == MINE
+    assert read_meta(session.folder).flown_on == MINE
     assert usual_track(read_meta(session.folder)) == MINE
     ring_like = dataclasses.replace(MINE, name="ring")
-    save_policy("a", random_params(), meta(layout=ring_like))
+    save_policy("a", random_params(), meta(flown_on=ring_like))
     assert usual_track(read_meta("a")) == ring_like
 
 
@@ -184,11 +184,11 @@ def test_an_old_policy_takes_no_file_of_another_track(tmp_path, monkeypatch):
 
 
 def test_a_policy_with_an_unsound_track_is_refused(tmp_path):
-    path = save_policy(tmp_path / "a", random_params(), meta(layout=MINE)).with_suffix(".json")
+    path = save_policy(tmp_path / "a", random_params(), meta(flown_on=MINE)).with_suffix(".json")
     text = json.loads(path.read_text())
-    text["policy"]["layout"]["gates"][0]["width"] = -1.0
+    text["policy"]["flown_on"]["gates"][0]["width"] = -1.0
     path.write_text(json.dumps(text))
-    with pytest.raises(CruiseError, match="layout: gate 1"):
+    with pytest.raises(CruiseError, match="flown_on: gate 1"):
         read_meta(path)
 
 

@@ -53,9 +53,7 @@ def simulator_table(found: "list[Flown]") -> Table:
     table = Table("simulator", *numbers, "what differs", title=title)
     for one in found:
         if one.evaluation is None:
-            table.add_row(
-                one.simulator, "-", "-", "-", f"not installed: pip install 'cruise-racing\\[{one.simulator}]'"
-            )
+            table.add_row(one.simulator, "-", "-", "-", f"not installed: pip install 'cruise-racing[{one.simulator}]'")
             continue
         success, lap = one.evaluation.success_rate, one.evaluation.flying_lap_time.mean
         change = 100 * (lap / ours.flying_lap_time.mean - 1)

@@ -6,9 +6,10 @@ Functions take the components one by one, as arrays over whatever axes: see `cru
 from typing import Any
 
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
-from cruise.vector import sin_cos
+from cruise.vector import is_plain, sin_cos
 
 Component = Any  # an array over whatever axes, or a number of another algebra (`cruise.dynamics.algebra`)
 Three = tuple[Component, Component, Component]
@@ -88,8 +89,18 @@ def thrust_axis_w(q: Quaternion) -> Three:
     return 2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)
 
 
+# R_WB - 1 as a sum of two products of components each, for an export: few operations on whole arrays.
+_LEFT = np.array([[[2, 1, 1], [1, 1, 2], [1, 2, 1]], [[3, 0, 0], [0, 3, 0], [0, 0, 2]]])
+_RIGHT = np.array([[[2, 2, 3], [2, 1, 3], [3, 3, 1]], [[3, 3, 2], [3, 3, 1], [2, 1, 2]]])
+_FACTORS = np.array([[[-2, 2, 2], [2, -2, 2], [2, 2, -2]], [[-2, -2, 2], [2, -2, -2], [-2, 2, -2]]], np.float32)
+
+
 def rotation_matrix(q: Float[Array, "4 *B"]) -> Float[Array, "3 3 *B"]:
     """R_WB: its columns are the body's axes in the world."""
+    if is_plain():
+        ones = (1,) * (q.ndim - 1)
+        products = _FACTORS.reshape(2, 3, 3, *ones) * (q[_LEFT] * q[_RIGHT])
+        return np.eye(3, dtype=np.float32).reshape(3, 3, *ones) + products.sum(axis=0)
     w, x, y, z = q
     forward = [1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)]
     left = [2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)]

@@ -73,11 +73,11 @@ def _fading(term: Term, place: int, notice: float) -> Term:
 
 
 def _offset(place: int, view: View) -> Float[Array, "3 N *B"]:
-    return view.to_body(view.nearest(place).offset_w)
+    return view.nearest_b(place)[0]
 
 
 def _motion(place: int, view: View) -> Float[Array, "3 N *B"]:
-    return view.to_body(view.nearest(place).motion_w)
+    return view.nearest_b(place)[1]
 
 
 def _present(place: int, view: View) -> Float[Array, "N *B"]:

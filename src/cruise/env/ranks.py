@@ -6,7 +6,6 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from cruise.racing.field import UNROLLED
-from cruise.vector import is_plain
 
 
 def ranks(values: list[Float[Array, "*B"]]) -> list[Int[Array, "*B"]]:
@@ -15,11 +14,6 @@ def ranks(values: list[Float[Array, "*B"]]) -> list[Int[Array, "*B"]]:
     By counting, because XLA's sort calls its comparison element by element on the CPU. With many values that is a scan,
     so that what is traced does not grow with the square of their number.
     """
-    if is_plain() and values:
-        each = jnp.stack(values)
-        before = jnp.less(each[None], each[:, None])
-        first = np.tri(len(values), k=-1, dtype=bool).reshape(len(values), -1, *(1,) * values[0].ndim)
-        return list((before | (jnp.equal(each[None], each[:, None]) & first)).sum(axis=1, dtype=jnp.int32))
     if len(values) >= UNROLLED:
         return list(_counted(jnp.stack(values)))
     places = [jnp.zeros(v.shape, jnp.int32) for v in values]
@@ -41,3 +35,10 @@ def _counted(values: Float[Array, "K *B"]) -> Int[Array, "K *B"]:
 
     places, _ = jax.lax.scan(step, jnp.zeros(values.shape, jnp.int32), jnp.arange(values.shape[0]))
     return places
+
+
+def counted(values: Float[Array, "K *B"]) -> Int[Array, "K *B"]:
+    """`ranks` along the leading axis as few operations on whole arrays: for an export."""
+    before = jnp.less(values[None], values[:, None])
+    first = np.tri(len(values), k=-1, dtype=bool).reshape(len(values), -1, *(1,) * (values.ndim - 1))
+    return (before | (jnp.equal(values[None], values[:, None]) & first)).sum(axis=1, dtype=jnp.int32)

@@ -65,7 +65,7 @@ def in_order(
         struck = drone | (at[2] <= 0.0) | (crossing.frame_fraction < crossing.fraction)
         for fraction in met.values():
             struck |= fraction < crossing.fraction
-        crashed = outside_box(course, at) | (struck & rules.terminal_collisions)
+        crashed = once(outside_box(course, at) | (struck & rules.terminal_collisions))
         counts = flown.airborne & ~crashed & ~finished
         passed = once(crossing.passed & counts)
         counted.append(crossing._replace(passed=passed, missed=crossing.missed & counts))

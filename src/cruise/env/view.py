@@ -8,16 +8,18 @@ import operator
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from cruise.dynamics.types import DroneState, Dynamics
-from cruise.env.ranks import ranks
+from cruise.env.ranks import counted, ranks
 from cruise.env.types import RaceState
 from cruise.geometry import from_gate, to_gate
 from cruise.racing.course import Course, Opening, target_opening
 from cruise.racing.field import opponent, opponents
-from cruise.vector import dot, norm, stored
+from cruise.vector import dot, is_plain, norm, stored
 
 ABSENT = 1e6  # sorts an opponent that left the air behind all others [m]
 
@@ -104,10 +106,15 @@ class View:
 
     def to_body(self, vector_w: Float[Array, "3 N *B"]) -> Float[Array, "3 N *B"]:
         """R^T v: a world vector along the body's axes."""
+        if is_plain():
+            return jnp.sum(self.rotation * vector_w[:, None], axis=0)
         return jnp.stack([dot(self.rotation[:, axis], vector_w) for axis in range(3)])
 
     def gate_index(self, ahead: int = 0) -> Int[Array, "N *B"]:
         """Which gate is the target, or so many after it."""
+        if is_plain() and ahead:
+            later = self.state.next_gate + ahead
+            return jax.lax.rem(later, jnp.full_like(later, self.course.num_gates))  # none of them is negative
         return self.state.next_gate if ahead == 0 else (self.state.next_gate + ahead) % self.course.num_gates
 
     def gate(self, ahead: int = 0) -> Opening:
@@ -154,6 +161,14 @@ class View:
         outside = jnp.maximum(jnp.sqrt(left**2 + up**2) - half_width, 0.0)
         return jnp.where(gate.is_round[0], jnp.sqrt(forward**2 + outside**2), square)
 
+    def nearest_b(self, place: int) -> tuple[Float[Array, "3 N *B"], Float[Array, "3 N *B"]]:
+        """Offset and motion of `nearest` along the body's axes."""
+        if is_plain() and place < self.num_drones:
+            offset_b, motion_b = self.shared(_sorted_b)
+            return offset_b[:, place - 1], motion_b[:, place - 1]
+        one = self.nearest(place)
+        return self.to_body(one.offset_w), self.to_body(one.motion_w)
+
     def opponent(self, number: int) -> Opponent:
         """Opponent `number` of every drone, 1 to N - 1: drone (i + number) mod N for drone i."""
         return self.shared(_opponent, number)
@@ -181,6 +196,8 @@ def _gate(view: View, ahead: int) -> Opening:
 
 def _corners_b(view: View, ahead: int) -> tuple[Array, ...]:
     half_width, half_height = view.gate(ahead).half_size
+    if is_plain() and view.gate(ahead).tilt is None:
+        return tuple(_all_corners_b(view, ahead))
     centre = stored(view.to_body(view.gate_w(ahead) - view.position_w))
     left = stored(view.to_body(view.from_gate_frame((0.0, half_width, 0.0), ahead)))
     if view.gate(ahead).tilt is None:
@@ -190,10 +207,54 @@ def _corners_b(view: View, ahead: int) -> tuple[Array, ...]:
     return tuple(centre + sideways * left + upwards * up for sideways, upwards in ((1, 1), (1, -1), (-1, -1), (-1, 1)))
 
 
+CORNERS = np.array([[1, 1], [1, -1], [-1, -1], [-1, 1]], np.float32)  # left and up
+
+
+def _all_corners_b(view: View, ahead: int) -> Float[Array, "4 3 N *B"]:
+    """The corners of an upright opening at once: for an export."""
+    gate, ones = view.gate(ahead), (1,) * view.airborne.ndim
+    sideways = gate.normal_w[::-1] * np.array([-1, 1], np.float32).reshape(2, *ones) * gate.half_size[0]
+    reach = jnp.concatenate([sideways, gate.half_size[1:]])
+    corners_w = gate.position_w - view.position_w + CORNERS[:, [0, 0, 1]].reshape(4, 3, *ones) * reach
+    return jnp.sum(view.rotation * corners_w[:, :, None], axis=1)
+
+
 def _opponent(view: View, number: int) -> Opponent:
     position, velocity = view.position_w, view.velocity_w
+    if is_plain():
+        offset, motion, present = view.shared(_everyone)
+        return Opponent(offset[:, number - 1], motion[:, number - 1], present[number - 1])
     offset, motion = (opponent(vector, number, 1) - vector for vector in (position, velocity))
     return Opponent(offset, motion, opponent(view.airborne, number, 0))
+
+
+def _everyone(view: View) -> Opponent:
+    """All opponents of every drone at once, along an axis before that of the drones: for an export."""
+    drones = view.num_drones
+    number = (np.arange(1, drones)[:, None] + np.arange(drones)) % drones
+    offset, motion = (vector[:, number] - vector[:, None] for vector in (view.position_w, view.velocity_w))
+    return Opponent(offset, motion, view.airborne[number])
+
+
+def _sorted(view: View) -> Opponent:
+    """All opponents, the nearest first."""
+    vectors, present = view.shared(_sorted_vectors)
+    return Opponent(vectors[0], vectors[1], present)
+
+
+def _sorted_b(view: View) -> Float[Array, "2 3 K N *B"]:
+    vectors, _ = view.shared(_sorted_vectors)
+    return jnp.sum(view.rotation[:, :, None] * vectors[:, :, None], axis=1)
+
+
+def _sorted_vectors(view: View) -> tuple[Float[Array, "2 3 K N *B"], Bool[Array, "K N *B"]]:
+    """Offsets and motions."""
+    offset, motion, present = view.shared(_everyone)
+    place = counted(jnp.where(present, norm(offset), ABSENT))
+    count = len(place)
+    chosen = present & (place == np.arange(count).reshape(-1, *(1,) * place.ndim))
+    vectors = jnp.where(chosen, jnp.stack([offset, motion])[:, :, None], 0.0).sum(axis=3)
+    return vectors, present.sum(axis=0) > np.arange(count).reshape(-1, *(1,) * (place.ndim - 1))
 
 
 def _places(view: View) -> list[Float[Array, "N *B"]]:
@@ -212,6 +273,9 @@ def _nearest(view: View, place: int) -> Opponent:
     if place >= view.num_drones:
         nothing = jnp.zeros_like(view.position_w)
         return Opponent(nothing, nothing, jnp.zeros_like(view.airborne))
+    if is_plain():
+        offset, motion, here = view.shared(_sorted)
+        return Opponent(offset[:, place - 1], motion[:, place - 1], here[place - 1])
     present = [view.opponent(number).present for number in opponents(view.num_drones)]
     chosen = [here & (at == place - 1) for here, at in zip(present, view.shared(_places), strict=True)]
     picked = [jnp.where(flag, one, 0.0) for flag, one in zip(chosen, view.shared(_relative), strict=True)]

@@ -16,6 +16,9 @@ from cruise.extras import import_extra
 OPSET = 17  # of the standard operators; every runtime since 2022 has it
 
 
+UNDOES = {"Squeeze": "Unsqueeze", "Unsqueeze": "Squeeze"}
+
+
 class Tensor(NamedTuple):
     """A tensor of the graph. Its shape is that of the variable, or 1, or a size that is known when it runs."""
 
@@ -32,15 +35,21 @@ class Graph:
         self.nodes: list[Any] = []
         self.constants: list[Any] = []
         self.made: dict[Any, str] = {}  # by what it was made of: nothing is made twice
+        self.values: dict[str, tuple[int, ...]] = {}  # of constant sizes and axes
+        self.sources: dict[str, tuple[str, tuple[str, ...], dict[str, Any]]] = {}
         self.tensors: dict[Var, Tensor] = {}
         self.axes: dict[str, tuple[str, int]] = {}  # a tensor that has a size not known before, and where
 
     def node(self, operator: str, *inputs: str, **attributes: Any) -> str:
         """The name of a node's output."""
+        before = self.sources.get(inputs[0]) if inputs else None
+        if before and before[0] == UNDOES.get(operator) and before[1][1:] == inputs[1:] and not attributes:
+            return before[1][0]
         key = (operator, inputs, repr(sorted(attributes.items())))
         if key not in self.made:
             self.made[key] = name = f"{operator.lower()}_{len(self.nodes)}"
             self.nodes.append(self.onnx.helper.make_node(operator, inputs, [name], **attributes))
+            self.sources[name] = operator, inputs, attributes
         return self.made[key]
 
     def constant(self, value: np.ndarray) -> str:
@@ -53,7 +62,9 @@ class Graph:
 
     def integers(self, *values: int) -> str:
         """A constant vector of sizes or axes."""
-        return self.constant(np.array(values, np.int64))
+        name = self.constant(np.array(values, np.int64))
+        self.values[name] = tuple(map(int, values))
+        return name
 
     def tensor(self, atom: Atom) -> Tensor:
         """What stands for a variable or constant."""
@@ -96,6 +107,20 @@ class Graph:
             return self.constant(atom)
         return self.node("Expand", tensor.name, self.sizes(wanted))
 
+    def tensor_of(self, value: np.ndarray) -> Tensor:
+        """A constant as it is."""
+        return Tensor(self.constant(np.ascontiguousarray(value)), value.shape)
+
+    def drop_unused(self, wanted: set[str]) -> None:
+        """Leave out what the outputs do not need."""
+        kept = []
+        for node in reversed(self.nodes):
+            if wanted & set(node.output):
+                kept.append(node)
+                wanted |= set(node.input)
+        self.nodes = kept[::-1]
+        self.constants = [constant for constant in self.constants if constant.name in wanted]
+
     def reshaped(self, name: str, shape: Sequence[Any]) -> str:
         """Another shape; one size that is not known is left to the runtime."""
         unknown = [size for size in shape if not isinstance(size, int)]
@@ -125,6 +150,7 @@ def write(program: Program) -> Graph:
         RULES[equation.primitive](graph, equation)
     for name, atom in program.outputs.items():
         graph.nodes.append(graph.onnx.helper.make_node("Identity", [graph.whole(atom)], [name]))
+    graph.drop_unused(set(program.outputs))
     return graph
 
 
@@ -230,12 +256,23 @@ def _same(graph: Graph, equation: Equation) -> None:
 
 def _broadcast(graph: Graph, equation: Equation) -> None:
     """New axes of length 1; ONNX broadcasts the rest."""
-    tensor, (var,) = graph.tensor(equation.inputs[0]), equation.outputs
-    kept = equation.params["broadcast_dimensions"]
+    (atom,), (var,), kept = equation.inputs, equation.outputs, equation.params["broadcast_dimensions"]
+    tensor = graph.tensor(atom)
     shape = [tensor.shape[kept.index(axis)] if axis in kept else 1 for axis in range(len(var.shape))]
     new = [axis for axis in range(len(var.shape)) if axis not in kept]
+    if isinstance(atom, np.ndarray):
+        value = atom[tuple(slice(size) for size in tensor.shape)]
+        graph.keep(var, *graph.tensor_of(value.reshape(shape)))
+        return
     name = graph.node("Unsqueeze", tensor.name, graph.integers(*new)) if new else tensor.name
     graph.keep(var, name, shape)
+
+
+def _pad(graph: Graph, equation: Equation) -> None:
+    """At the ends of axes with one number."""
+    (atom, value), config = equation.inputs, equation.params["padding_config"]
+    pads = graph.integers(*(int(low) for low, _, _ in config), *(int(high) for _, high, _ in config))
+    graph.keep(equation.outputs[0], graph.node("Pad", graph.whole(atom), pads, graph.whole(value)))
 
 
 def _transpose(graph: Graph, equation: Equation) -> None:
@@ -251,7 +288,12 @@ def _reshape(graph: Graph, equation: Equation) -> None:
 def _squeeze(graph: Graph, equation: Equation) -> None:
     tensor, gone = graph.tensor(equation.inputs[0]), equation.params["dimensions"]
     shape = [size for axis, size in enumerate(tensor.shape) if axis not in gone]
-    name = graph.node("Squeeze", tensor.name, graph.integers(*gone)) if gone else tensor.name
+    cut = graph.sources.get(tensor.name)
+    if len(gone) == 1 and cut and cut[0] == "Slice" and graph.values.get(cut[1][3]) == (gone[0],):
+        place = graph.constant(np.array(graph.values[cut[1][1]][0], np.int64))
+        name = graph.node("Gather", cut[1][0], place, axis=int(gone[0]))
+    else:
+        name = graph.node("Squeeze", tensor.name, graph.integers(*gone)) if gone else tensor.name
     graph.keep(equation.outputs[0], name, shape)
 
 
@@ -328,8 +370,8 @@ def _product(graph: Graph, equation: Equation) -> None:
     names = [graph.whole(atom) for atom in atoms]
     if batch == ((), ()) and max(atom.ndim for atom in atoms) <= 2 and len(contracted[0]) == 1:
         turned = [
-            _turned(graph, name, (1, 0)) if atom.ndim == 2 and axis != last else name
-            for name, atom, (axis,), last in zip(names, atoms, contracted, (1, 0), strict=True)
+            _turned(graph, graph.whole(atom), (1, 0)) if atom.ndim == 2 and axis != last else graph.whole(atom)
+            for atom, (axis,), last in zip(atoms, contracted, (1, 0), strict=True)
         ]
         graph.keep(equation.outputs[0], graph.node("MatMul", *turned))
         return
@@ -352,28 +394,46 @@ def _product(graph: Graph, equation: Equation) -> None:
 def _gather(graph: Graph, equation: Equation) -> None:
     """Whole rows along one axis. The table is turned so that batches lead and the axis follows."""
     (table, where), (var,), params = equation.inputs, equation.outputs, equation.params
-    numbers, indices = params["dimension_numbers"], graph.tensor(where)
+    numbers = params["dimension_numbers"]
     batch, axes = (tuple(map(int, dims)) for dims in (numbers.operand_batching_dims, numbers.start_index_map))
     leading = tuple(numbers.start_indices_batching_dims) == tuple(range(len(batch)))
     if len(axes) != 1 or axes != tuple(numbers.collapsed_slice_dims) or not leading or not _takes_all(table, params):
         raise CruiseError("a look-up along more than one axis cannot be exported to ONNX")
-    rest = [axis for axis in range(table.ndim) if axis not in (*batch, *axes)]
-    source = _turned(graph, graph.whole(table), [*batch, *axes, *rest])
     if batch:
+        rest = [axis for axis in range(table.ndim) if axis not in (*batch, *axes)]
+        source = _turned(graph, graph.whole(table), [*batch, *axes, *rest])
         index = graph.node("Cast", graph.whole(where), to=graph.onnx.TensorProto.INT64)
         name, places = graph.node("GatherND", source, index, batch_dims=len(batch)), where.shape[:-1]
+        lead = 0
     else:
-        index = graph.node("Squeeze", indices.name, graph.integers(len(indices.shape) - 1))
-        name, places = graph.node("Gather", source, index, axis=0), indices.shape[:-1]
-    found, shape = iter(range(len(places))), [*places, *(table.shape[axis] for axis in rest)]
-    kept = iter(range(len(places), len(shape)))
-    order = [next(kept) if axis in numbers.offset_dims else next(found) for axis in range(var.ndim)]
+        rest, (lead,) = [axis for axis in range(table.ndim) if axis not in axes], axes
+        indices = _rows(graph, where)
+        source, places = graph.tensor(table), indices.shape
+        name = graph.whole(table, None) if _is_one(source.shape[lead]) else source.name
+        name = graph.node("Gather", name, indices.name, axis=lead)
+        if not _is_one(source.shape[lead]):
+            table = Var([size if axis != lead else table.shape[axis] for axis, size in enumerate(source.shape)], table.dtype)
+    found, shape = iter(range(lead, lead + len(places))), [table.shape[axis] for axis in rest]
+    shape[lead:lead] = places
+    kept = iter(i for i in range(len(shape)) if not lead <= i < lead + len(places))
+    order = [next(found) if axis not in numbers.offset_dims else next(kept) for axis in range(var.ndim)]
     graph.keep(var, _turned(graph, name, order), [shape[axis] for axis in order])
 
 
+def _rows(graph: Graph, where: Atom) -> Tensor:
+    """Indices without their last axis, which has length 1."""
+    if isinstance(where, np.ndarray):
+        return graph.tensor_of(where[..., 0])
+    tensor = graph.tensor(where)
+    return Tensor(graph.node("Squeeze", tensor.name, graph.integers(len(tensor.shape) - 1)), tensor.shape[:-1])
+
+
 def _turned(graph: Graph, name: str, order: Sequence[int]) -> str:
-    same = tuple(order) == tuple(range(len(order)))
-    return name if same else graph.node("Transpose", name, perm=list(order))
+    """Transposed, together with what was before."""
+    order, before = list(order), graph.sources.get(name)
+    if before is not None and before[0] == "Transpose":
+        name, order = before[1][0], [before[2]["perm"][axis] for axis in order]
+    return name if order == sorted(order) else graph.node("Transpose", name, perm=order)
 
 
 def _takes_all(table: Atom, params: dict[str, Any]) -> bool:
@@ -423,6 +483,7 @@ RULES: dict[str, Rule] = {
     "stop_gradient": _same,
     "broadcast_in_dim": _broadcast,
     "transpose": _transpose,
+    "pad": _pad,
     "reshape": _reshape,
     "squeeze": _squeeze,
     "slice": _slice,

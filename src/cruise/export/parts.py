@@ -1,7 +1,8 @@
 """An exported pilot as pure functions of SI quantities, made of the environment itself; components lead."""
 
+import functools
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -11,6 +12,7 @@ from cruise.env.race_env import RaceEnv
 from cruise.env.surroundings import MovedGates, Surroundings
 from cruise.env.types import RaceState
 from cruise.export.ports import command
+from cruise.export.trace import own
 from cruise.storage.policy_file import Policy
 
 Values = dict[str, Array]  # by the names of ports, components first: position_w [3], others_position_w [3, M]
@@ -33,30 +35,37 @@ def make_parts(policy: Policy, env: RaceEnv) -> Parts:
 
     def decode(values: Values, said: Array) -> Array:
         action = env.decode_as[kind](_race(env, agility, values), said[:, None], (0,))
-        return jnp.clip(action[:, 0], -1.0, 1.0)
+        return jnp.clip(own(action), -1.0, 1.0)
 
     return Parts(
-        observe=lambda values: env.observe_as[kind](_race(env, agility, values))[:, 0],
+        observe=lambda values: own(env.observe_as[kind](_race(env, agility, values))),
         network=policy.params.mean_action,
         decode=decode,
         command=lambda values, action: command(env, agility, values, action),
     )
 
 
-def nearest_others(values: Values, count: int) -> Values:
-    """The nearest `count` of any number of others, padded with some that are not in the air where there are fewer."""
-    here = values["others_airborne"]
-    offset = jnp.where(here, values["others_position_w"] - values["position_w"][:, None], 0.0)
-    separation = jnp.where(here, jnp.sqrt(jnp.sum(offset * offset, axis=0)), jnp.inf)
-    absent = jnp.full(count, jnp.inf)
-    _, order = jax.lax.top_k(-jnp.concatenate([separation, absent]), count)
+def nearest_others(inputs: Values, count: int) -> Values:
+    """The nearest `count` of any number of others, padded with some that are not in the air where there are fewer.
+
+    Components are last here: others_position_w [*B, M, 3].
+    """
+    here = inputs["others_airborne"]
+    offset = jnp.where(here[..., None], inputs["others_position_w"] - inputs["position_w"][..., None, :], 0.0)
+    separation = jnp.where(here, jnp.sqrt(jnp.sum(offset * offset, axis=-1)), jnp.inf)
+    before = [(0, 0)] * (here.ndim - 1)
+    _, order = jax.lax.top_k(-jnp.pad(separation, [*before, (0, count)], constant_values=jnp.inf), count)
 
     def chosen(rows: Array) -> Array:
-        """[..., M] -> [..., count]."""
-        padded = jnp.concatenate([rows, jnp.zeros((*rows.shape[:-1], count), rows.dtype)], axis=-1)
-        return padded.take(order, axis=-1, mode="clip")
+        """[*B, M, ...] -> [*B, count, ...]."""
+        padded = jnp.pad(rows, [*before, (0, count), *[(0, 0)] * (rows.ndim - here.ndim)])
+        take = functools.partial(jnp.take, axis=0, mode="clip")
+        for _ in before:
+            take = jax.vmap(take)
+        taken: Array = take(padded, order)
+        return taken
 
-    return values | {name: chosen(values[name]) for name in OTHERS}
+    return inputs | {name: chosen(inputs[name]) for name in OTHERS}
 
 
 def _race(env: RaceEnv, agility: float, values: Values) -> RaceState:
@@ -67,13 +76,12 @@ def _race(env: RaceEnv, agility: float, values: Values) -> RaceState:
     position_w = _with_others(values, "position_w")
     batch = position_w.shape[1:]
     drones = env.dynamics.init(position_w, jnp.zeros(batch))
-    body = {name: _first(values[name], rest) for name, rest in drones.body._asdict().items()}
+    body = {name: _for_all(values[name], batch) for name in drones.body._fields}
     body |= {"position_w": position_w, "velocity_w": _with_others(values, "velocity_w")}
-    here = jnp.ones(1, bool)
+    here = jnp.ones((1, *batch[1:]), bool)
     if "others_airborne" in values:
         here = jnp.concatenate([here, values["others_airborne"]])
-    action = _first(values["previous_action"], jnp.zeros((env.dynamics.action_size, *batch)))
-    flown = env.dynamics.step(drones, action, agility)
+    flown = env.dynamics.step(drones, _for_all(values["previous_action"], batch), agility)
     drones = drones._replace(body=type(drones.body)(**body), memory=flown.memory)
     none = jnp.zeros(batch, jnp.int32)
     return RaceState(
@@ -87,9 +95,9 @@ def _race(env: RaceEnv, agility: float, values: Values) -> RaceState:
     )
 
 
-def _first(own: Array, rest: Array) -> Array:
-    """What is the drone's own, in place of the first."""
-    return jnp.concatenate([own[:, None], rest[:, 1:]], axis=1)
+def _for_all(own: Array, batch: tuple[Any, ...]) -> Array:
+    """What is known of the drone alone, as if it were so of all: nobody asks for the others'."""
+    return jnp.broadcast_to(own[:, None], (*own.shape[:1], *batch))
 
 
 def _with_others(values: Values, name: str) -> Array:

@@ -12,7 +12,8 @@ from jaxtyping import Array
 from cruise.env.race_env import RaceEnv
 from cruise.export.parts import LEAST_OTHERS, Parts, Values, make_parts, nearest_others
 from cruise.export.ports import Sizes, command_ports, network_action, observation_port, state_ports
-from cruise.export.program import Program, trace
+from cruise.export.program import Program
+from cruise.export.trace import trace
 from cruise.storage.onnx_file import Interface, Port
 from cruise.storage.policy_file import Policy
 
@@ -32,7 +33,7 @@ def make_model(policy: Policy, env: RaceEnv, interface: Interface) -> Model:
     parts = make_parts(policy, env)
     if interface == "observation":
         inputs = (observation_port(int(policy.params.actor.layers[0].in_features)),)
-        network = trace(lambda values: {"action": jax.vmap(parts.network)(values["observation"])}, shapes(inputs))
+        network = trace(lambda values: {"action": parts.network(values["observation"].T).T}, shapes(inputs))
         return Model(inputs, (network_action(policy.meta.observation, env),), network)
     ports, program = max_freedom(policy, env, parts)
     return Model(ports, command_ports(env), program)
@@ -79,23 +80,15 @@ def shapes_of_one(ports: tuple[Port, ...]) -> dict[str, jax.ShapeDtypeStruct]:
 
 
 def components_first(inputs: Values) -> Values:
-    """[M, 3] -> [3, M]."""
+    """[M, 3] -> [3, M], and back."""
     return {name: value.T for name, value in inputs.items()}
 
 
 def _whole(parts: Parts, nearest: int | None, inputs: Values) -> Values:
     """[B, ...] of every drone; all of them see the same gates. Of any number of others the `nearest` count."""
-
-    def one(inputs: Values) -> Values:
-        values = components_first(inputs)
-        if nearest is not None:
-            values = nearest_others(values, nearest)
-        action = parts.decode(values, parts.network(parts.observe(values)))
-        return {"action": action} | parts.command(values, action)
-
-    shared = {name: None if name.startswith("gate_") else 0 for name in inputs}
-    outputs: Values = jax.vmap(one, in_axes=(shared,))(inputs)
-    return outputs
+    values = components_first(inputs if nearest is None else nearest_others(inputs, nearest))
+    action = parts.decode(values, parts.network(parts.observe(values)))
+    return components_first({"action": action} | parts.command(values, action))
 
 
 def _sizes(policy: Policy, env: RaceEnv, parts: Parts) -> Iterator[Sizes]:

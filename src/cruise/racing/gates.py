@@ -7,6 +7,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from cruise.geometry import NEVER, beyond_opening, plane_fraction, to_gate
 from cruise.racing.course import Course, Opening, opening, over_columns, target_opening
+from cruise.vector import once, stored
 
 NEAR_GATE = 5.0  # crossing the target's plane within this distance of its opening is a miss, farther is a detour [m]
 
@@ -70,22 +71,31 @@ def cross_gates(
     `tolerance` [m] widens every opening: crossings inside it count, and the frame begins behind it.
     """
 
-    def visit(result: Crossing, gate: int | Int[Array, ""]) -> Crossing:
+    def visit(found: tuple[Array, ...], gate: int | Int[Array, ""]) -> tuple[Array, ...]:
+        ahead, fraction, offset, frame_fraction = found
         plane = cross_opening(opening(course, gate), start_w, end_w)
         is_target = target == gate
-        inside = plane.offset <= tolerance
-        on_frame = ~inside & (plane.offset <= tolerance + course.frame_width) & (plane.ahead | plane.back)
-        return Crossing(
-            passed=result.passed | (plane.ahead & inside & is_target),
-            missed=result.missed | (plane.ahead & _beside(plane, course, tolerance) & is_target),
-            hit_frame=result.hit_frame | on_frame,
-            fraction=jnp.where(is_target, plane.fraction, result.fraction),
-            offset=jnp.where(is_target, plane.offset, result.offset),
-            frame_fraction=jnp.minimum(result.frame_fraction, jnp.where(on_frame, plane.fraction, NEVER)),
+        on_frame = (plane.offset > tolerance) & (plane.offset <= tolerance + course.frame_width)
+        struck = on_frame & (plane.ahead | plane.back)
+        return (
+            ahead | (plane.ahead & is_target),
+            jnp.where(is_target, plane.fraction, fraction),
+            jnp.where(is_target, plane.offset, offset),
+            jnp.minimum(frame_fraction, jnp.where(struck, plane.fraction, NEVER)),
         )
 
-    no, zero = jnp.zeros(target.shape, bool), jnp.zeros(target.shape)
-    return over_columns(course.num_gates, visit, Crossing(no, no, no, zero, zero, zero + NEVER))
+    zero = jnp.zeros(target.shape)
+    ahead, *numbers = over_columns(course.num_gates, visit, (zero > 0, zero, zero, zero + NEVER))
+    # each is the end of a long chain over all gates, and much is asked of it
+    ahead, (fraction, offset, frame_fraction) = once(ahead), map(stored, numbers)
+    return Crossing(
+        passed=ahead & (offset <= tolerance),
+        missed=ahead & _beside(offset, course, tolerance),
+        hit_frame=frame_fraction < NEVER,
+        fraction=fraction,
+        offset=offset,
+        frame_fraction=frame_fraction,
+    )
 
 
 def cross_next(
@@ -104,15 +114,15 @@ def cross_next(
     ahead = before.passed & plane.ahead & (plane.fraction > before.fraction)
     return before._replace(
         passed=ahead & (plane.offset <= tolerance),
-        missed=ahead & _beside(plane, course, tolerance),
+        missed=ahead & _beside(plane.offset, course, tolerance),
         fraction=plane.fraction,
         offset=plane.offset,
     )
 
 
-def _beside(plane: PlaneCrossing, course: Course, tolerance: Array | float) -> Bool[Array, "*B"]:
+def _beside(offset: Float[Array, "*B"], course: Course, tolerance: Array | float) -> Bool[Array, "*B"]:
     """Beyond the frame, yet no detour."""
-    return (plane.offset > tolerance + course.frame_width) & (plane.offset <= NEAR_GATE)
+    return (offset > tolerance + course.frame_width) & (offset <= NEAR_GATE)
 
 
 def follow_gates(

@@ -12,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from cruise.config import ObservationKind, Track, Vehicle
+from cruise.env.observation import check_observation
 from cruise.errors import CruiseError
 from cruise.pilots.network import ActorCritic, NetworkShape
 from cruise.pilots.neural import NeuralPilot
@@ -114,7 +115,9 @@ def load_policy(name_or_path: StrPath) -> NeuralPilot:
     Raises:
         CruiseError: there is no such policy, or its files are damaged or do not belong together.
     """
-    return read_policy(name_or_path).pilot()
+    policy = read_policy(name_or_path)
+    check_observation(f"policy {stem_of(Path(name_or_path))}", policy.meta.observation)
+    return policy.pilot()
 
 
 def read_policy(name_or_path: StrPath) -> Policy:
