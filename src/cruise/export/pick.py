@@ -27,7 +27,7 @@ class Picker:
     def pick(self, atom: Atom, axis: int, place: int) -> Atom:
         """`atom` at a place along an axis, which is gone."""
         if isinstance(atom, np.ndarray):
-            return np.take(atom, 0 if atom.shape[axis] == 1 else place, axis)
+            return np.asarray(np.take(atom, 0 if atom.shape[axis] == 1 else place, axis))
         key = (atom, axis, place)
         if key not in self.done:
             made = self.source(atom)

@@ -74,7 +74,8 @@ class _Work:
         return table, int(starts[0])
 
     def _keep(self, equation: Equation) -> tuple[Var, ...]:
-        key = (equation.primitive, *map(_key, equation.inputs), repr(sorted(equation.params.items())))
+        made = [(str(var.shape), var.dtype.str) for var in equation.outputs]
+        key = (equation.primitive, *map(_key, equation.inputs), repr(sorted(equation.params.items())), *made)
         if key not in self.known:
             self.known[key] = equation.outputs
             self.equations.append(equation)
