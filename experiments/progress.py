@@ -4,7 +4,6 @@ import time
 from collections.abc import Iterable, Iterator, Sequence
 
 from rich.console import Console
-from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from experiments.plan import Job
@@ -22,8 +21,8 @@ def show_events(console: Console, events: Iterable[Event], jobs: Sequence[Job], 
     except KeyboardInterrupt:
         raise KeyboardInterrupt("stopped; what is done is kept, and the same command goes on") from None
     if failed:
-        names = escape(", ".join(failed))
-        console.print(f"{len(failed)} failed: {names}; the same command tries again", soft_wrap=True)
+        names = ", ".join(failed)
+        console.print(f"{len(failed)} failed: {names}; the same command tries again", soft_wrap=True, markup=False)
     return 1 if failed else 0
 
 
@@ -76,23 +75,24 @@ def _lines(console: Console, events: Iterable[Event], ahead: _Ahead) -> Iterator
             last = time.monotonic()
             text = f"{event.job.name}: {_describe(event)}"
         if text:
-            console.print(escape(text), soft_wrap=True)
+            console.print(text, soft_wrap=True, markup=False)
         yield event
 
 
 def _bars(console: Console, events: Iterable[Event], ahead: _Ahead) -> Iterator[Event]:
     """One bar for the study, one for the job at hand."""
-    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[doing]}"), TimeElapsedColumn())
+    name, doing = (TextColumn(text, markup=False) for text in ("{task.description}", "{task.fields[doing]}"))
+    columns = (name, BarColumn(), doing, TimeElapsedColumn())
     with Progress(*columns, console=console) as bars:
         study = bars.add_task("study", total=ahead.total, doing=ahead.text)
         job = bars.add_task("", total=None, doing="")
         for event in events:
             if event.what == "started":
-                bars.reset(job, description=escape(event.job.name), total=None, doing="starting")
+                bars.reset(job, description=event.job.name, total=None, doing="starting")
             elif event.what == "step":
                 bars.update(job, completed=event.step.done, total=event.step.total or None, doing=_describe(event))
             else:
                 ahead.finish(event)
                 bars.update(study, completed=ahead.total - len(ahead.jobs), doing=ahead.text)
-                bars.console.print(escape(_outcome(event)), soft_wrap=True)
+                bars.console.print(_outcome(event), soft_wrap=True, markup=False)
             yield event

@@ -18,7 +18,7 @@ def in_a_folder_of_its_own(tmp_path, monkeypatch):
 def quickly(monkeypatch):
     """Scores without races: the slower the better."""
 
-    def measure(track, drones, styles, races, seed):
+    def measure(track, drones, styles, races, seed, vehicle):
         return [planner_search.Score(1.0, style.speed, style.speed) for style in styles]
 
     monkeypatch.setattr(planner_search, "measure", measure)
@@ -28,7 +28,7 @@ def quickly(monkeypatch):
 def test_writes_what_it_found_and_keeps_what_was_there(tmp_path, capsys):
     assert main(["tune-planner", "--quick", "--out", "found.json"]) == 0
     output = capsys.readouterr().out
-    assert "tuning SE-IBR on ring: 5 stages" in output
+    assert "tuning SE-IBR on ring with paper: 5 stages" in output
     assert "5/5" in output
     assert "N=4 success 100.0 %" in output
     assert main(["tune-planner", "--quick", "--out", "found.json", "--track", "figure-eight", "--seed", "3"]) == 0
@@ -41,10 +41,21 @@ def test_writes_what_it_found_and_keeps_what_was_there(tmp_path, capsys):
 
 
 @pytest.mark.usefixtures("quickly")
+def test_another_vehicle_has_a_file_of_its_own(tmp_path, capsys):
+    assert main(["tune-planner", "--quick", "--vehicle", "racer", "--out", "found.json"]) == 0
+    entry = json.loads((tmp_path / "found.json").read_text())["tracks"]["ring"]
+    assert entry["vehicle"] == "racer"
+    assert 5 < entry["style"]["speed"] < 15
+    assert main(["tune-planner", "--quick", "--out", "found.json"]) == 2
+    assert "found.json is of vehicle 'racer', not 'paper': give another file with --out" in capsys.readouterr().err
+
+
+@pytest.mark.usefixtures("quickly")
 @pytest.mark.parametrize(
     ("flags", "message"),
     [
         (["--track", "rink"], "unknown track 'rink'"),
+        (["--vehicle", "racr"], "unknown vehicle 'racr': did you mean 'racer'?"),
         (["--out", "other.json"], "other.json is no file of `cruise tune-planner`"),
         (["--out", "folder"], "folder is no file of `cruise tune-planner`"),
         (["--seed", "-1"], "seed must be from 0"),

@@ -7,14 +7,25 @@ import pytest
 
 from cruise.evaluation import planner_search
 from cruise.evaluation.metrics import DroneResult, RaceResult
-from cruise.evaluation.planner_search import RANGES, Effort, Score, around, measure, score, search, style_at
+from cruise.evaluation.planner_search import (
+    RANGES,
+    Effort,
+    Score,
+    around,
+    measure,
+    ranges_of,
+    score,
+    search,
+    style_at,
+)
 from cruise.pilots.se_ibr import Style
-from cruise.presets import TRACKS
+from cruise.pilots.se_ibr.settings import style_of
+from cruise.presets import TRACKS, VEHICLES
 
 RING = TRACKS["ring"]
 
 
-def landscape(track, drones, styles, races, seed):
+def landscape(track, drones, styles, races, seed, vehicle=None):
     """Faster is better up to 5 m/s; then, or with a thin margin, drones are lost, the more the more there are."""
     scores = []
     for style in styles:
@@ -42,7 +53,7 @@ def test_finds_the_best_of_a_known_landscape(monkeypatch):
 def test_success_comes_before_speed(monkeypatch):
     """In the finals one drone lost in a hundred counts more than any lap time."""
 
-    def risky(track, drones, styles, races, seed):
+    def risky(track, drones, styles, races, seed, vehicle):
         found = landscape(track, drones, styles, races, seed)
         most = [1.0 if style.speed < 4.85 else 0.99 for style in styles]
         return [one._replace(success=min(one.success, limit)) for one, limit in zip(found, most, strict=True)]
@@ -62,6 +73,14 @@ def test_generations_stay_in_range():
     for point in (*points, np.zeros(len(RANGES)), np.ones(len(RANGES))):
         style = style_at(point)
         assert all(low <= getattr(style, name) <= high for name, (low, high) in RANGES.items())
+
+
+@pytest.mark.parametrize("vehicle", VEHICLES.values(), ids=lambda vehicle: vehicle.name)
+def test_what_nobody_tuned_is_within_what_is_searched(vehicle):
+    """So the search can do no worse than the style that a vehicle has without it."""
+    usual = style_of("tuned", RING, vehicle)
+    for name, (low, high) in ranges_of(vehicle).items():
+        assert low <= getattr(usual, name) <= high, name
 
 
 def drone(finished, laps, speed):
@@ -89,7 +108,7 @@ def test_each_style_is_flown_in_its_own_races(monkeypatch):
     """Races flown in batches no larger than is allowed; a race's speed is that of its style."""
     flown = []
 
-    def race_with(track, drones, styles, races, seed):
+    def race_with(track, drones, styles, races, seed, vehicle):
         flown.append(len(styles) * races)
         return [race_of(drone(True, (60.0 / style.speed,), style.speed)) for style in styles for _ in range(races)]
 

@@ -32,7 +32,12 @@ def mean_gate(env):
     def observe(state):
         course = env.course_of(state)
         mean = sum(course.position_w[:, gate] for gate in range(course.num_gates))
-        return jnp.concatenate([mean.reshape(3, *(1,) * state.next_gate.ndim) - state.drones.position_w, jnp.zeros((53, *state.next_gate.shape))])
+        return jnp.concatenate(
+            [
+                mean.reshape(3, *(1,) * state.next_gate.ndim) - state.drones.position_w,
+                jnp.zeros((53, *state.next_gate.shape)),
+            ]
+        )
 
     return observe
 

@@ -18,8 +18,8 @@ RING = TRACKS["ring"]
 PAPER, RACER = VEHICLES["paper"], VEHICLES["racer"]
 AIRFRAME = RACER.airframe
 WITH_HEADING = replace(AIRFRAME, attitude=AttitudeLimits(yaw="angle"))
-FLOWN: dict[str, Vehicle] = {
-    **{f"paper by {kind}": replace(PAPER, control=kind) for kind in ("acceleration", "velocity", "position")},
+FLOWN: dict[str, Vehicle] = {  # by acceleration the paper's vehicle is flown in every other test of these pilots
+    **{f"paper by {kind}": replace(PAPER, control=kind) for kind in ("velocity", "position")},
     **{
         f"racer by {kind}": replace(RACER, control=kind)
         for kind in ("acceleration", "velocity", "position", "ctbr", "attitude")

@@ -21,7 +21,7 @@ class Export:
     """Write a policy as an ONNX model or as one C99 header, compared with the policy on recorded races."""
 
     policy: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="NAME|PATH")]
-    """A shipped policy, a .safetensors file or the folder of a run."""
+    """A shipped policy, a .safetensors file or the folder of a run. It says which vehicle it flies."""
     onnx: Annotated[Path | None, described("FILE")] = None
     """Write an ONNX model: state of all drones and gates in, action and what it commands out."""
     c: Annotated[Path | None, described("FILE")] = None

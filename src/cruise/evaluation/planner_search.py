@@ -10,17 +10,18 @@ import jax.numpy as jnp
 import numpy as np
 from scipy.stats import qmc
 
-from cruise.config import Track
+from cruise.config import Track, Vehicle
 from cruise.evaluation.matches import DRONES_IN_BATCH, race_env
 from cruise.evaluation.metrics import RaceResult, race_result
 from cruise.pilots.se_ibr import SeIbrPilot, Style
+from cruise.pilots.se_ibr.settings import level_acceleration
 from cruise.presets import VEHICLES
 from cruise.racing.track_geometry import lap_length
 from cruise.rollout import fly, team_rules
 from cruise.storage.race_log import RaceLog
 from cruise.storage.recorder import RaceInfo, race_logs
 
-# What is searched, and where.
+# What is searched, and where with the paper's vehicle.
 RANGES = {"speed": (3.0, 6.5), "acceleration": (1.2, 2.4), "margin": (0.2, 0.6), "lead": (0.15, 0.8)}
 FIELDS = (2, 3, 4)  # drones in the races of the finals
 LOSS = 20.0  # what the share of drones that do not finish costs while searching, in seconds per lap
@@ -28,9 +29,11 @@ ELITE = 6  # of a generation, around which the next one is drawn
 CAUTION = (1.0, 0.97, 0.94, 0.91)  # shares of a finalist's speed that enter the finals too
 LEAST_SPREAD = 0.03  # of the next one, as a share of the range
 DIGITS = 3
-VEHICLE = VEHICLES["paper"]
+PAPER = VEHICLES["paper"]
+# With rotors: shares of the speed that the velocity loop is meant for, and of the acceleration beside the weight.
+SPEEDS, ACCELERATIONS = (0.5, 1.2), (0.25, 1.0)
 LAPS = 2  # of a race: one from standing, one flying
-SLOWEST = 1.8  # races end when a drone that fast would have finished [m/s]
+SLOWEST = 0.36  # races end when a drone of this share of the velocity loop's speed would have finished
 
 
 @dataclass(frozen=True)
@@ -87,7 +90,18 @@ class Progress(NamedTuple):
     best: Candidate
 
 
-def search(track: Track, effort: Effort, seed: int) -> Iterator[Progress]:
+def ranges_of(vehicle: Vehicle) -> dict[str, tuple[float, float]]:
+    """What is searched, and where."""
+    if vehicle.flown_by == "cascade":
+        return RANGES
+    speed, acceleration = vehicle.tracking.speed, level_acceleration(vehicle)
+    return RANGES | {
+        "speed": (SPEEDS[0] * speed, SPEEDS[1] * speed),
+        "acceleration": (ACCELERATIONS[0] * acceleration, ACCELERATIONS[1] * acceleration),
+    }
+
+
+def search(track: Track, effort: Effort, seed: int, vehicle: Vehicle = PAPER) -> Iterator[Progress]:
     """Generations of four drones each, then finals over the numbers of drones; the last best is the result.
 
     Candidates of the first generation fill the ranges evenly (Sobol), those of a later one are drawn around the best of
@@ -98,20 +112,22 @@ def search(track: Track, effort: Effort, seed: int) -> Iterator[Progress]:
     points = qmc.Sobol(len(RANGES), seed=seed).random(effort.candidates)
     rng = np.random.default_rng(seed)
     for generation in range(effort.generations):
-        styles = [style_at(point) for point in points]
-        scores = measure(track, 4, styles, effort.races, seed + generation)
+        styles = [style_at(point, vehicle) for point in points]
+        scores = measure(track, 4, styles, effort.races, seed + generation, vehicle)
         tried = [Candidate(style, {4: score}) for style, score in zip(styles, scores, strict=True)]
         seen = sorted(seen + tried, key=lambda c: c.cost)
         what = f"{effort.candidates} styles x {effort.races} races of 4"
         yield Progress(generation + 1, what, seen[0])
         points = around(points, [c.cost for c in tried], rng)
-    yield from _finals(track, seen[: effort.finalists], effort, seed + effort.generations)
+    yield from _finals(track, seen[: effort.finalists], effort, seed + effort.generations, vehicle)
 
 
-def _finals(track: Track, finalists: Sequence[Candidate], effort: Effort, seed: int) -> Iterator[Progress]:
+def _finals(
+    track: Track, finalists: Sequence[Candidate], effort: Effort, seed: int, vehicle: Vehicle
+) -> Iterator[Progress]:
     entered = [Candidate(slower(c.style, share), {}) for c in finalists for share in CAUTION]
     for number, drones in enumerate(FIELDS):
-        scores = measure(track, drones, [c.style for c in entered], effort.final_races, seed + number)
+        scores = measure(track, drones, [c.style for c in entered], effort.final_races, seed + number, vehicle)
         for candidate, score in zip(entered, scores, strict=True):
             candidate.scores[drones] = score
         best = min(entered, key=lambda c: (-c.success, c.cost))
@@ -131,33 +147,37 @@ def around(points: np.ndarray, costs: Sequence[float], rng: np.random.Generator)
     return np.clip(rng.normal(best.mean(axis=0), spread, points.shape), 0.0, 1.0)
 
 
-def style_at(point: np.ndarray) -> Style:
+def style_at(point: np.ndarray, vehicle: Vehicle = PAPER) -> Style:
     """The style at a point of the unit cube."""
-    low, high = np.array(list(RANGES.values())).T
+    low, high = np.array(list(ranges_of(vehicle).values())).T
     values = np.round(low + point * (high - low), DIGITS).tolist()
     return Style(**dict(zip(RANGES, values, strict=True)))
 
 
-def measure(track: Track, drones: int, styles: Sequence[Style], races: int, seed: int) -> list[Score]:
+def measure(
+    track: Track, drones: int, styles: Sequence[Style], races: int, seed: int, vehicle: Vehicle = PAPER
+) -> list[Score]:
     """Fly `races` with each style, as many at once as memory is meant for, and score them."""
     at_once = max(1, DRONES_IN_BATCH // (drones * races))
     if len(styles) > at_once:
-        return measure(track, drones, styles[:at_once], races, seed) + measure(
-            track, drones, styles[at_once:], races, seed
-        )
-    results = [race_result(log) for log in race_with(track, drones, styles, races, seed)]
+        parts = styles[:at_once], styles[at_once:]
+        return [one for part in parts for one in measure(track, drones, part, races, seed, vehicle)]
+    results = [race_result(log) for log in race_with(track, drones, styles, races, seed, vehicle)]
     return [score(results[first : first + races]) for first in range(0, len(results), races)]
 
 
-def race_with(track: Track, drones: int, styles: Sequence[Style], races: int, seed: int) -> list[RaceLog]:
+def race_with(
+    track: Track, drones: int, styles: Sequence[Style], races: int, seed: int, vehicle: Vehicle = PAPER
+) -> list[RaceLog]:
     """Races from random starts, the first `races` of them with the first style, and so on."""
     batch = len(styles) * races
     style = Style(*(jnp.repeat(jnp.array(column), races)[None] for column in zip(*styles, strict=True)))
-    team = [SeIbrPilot(style)] * drones
-    rules = team_rules(team, VEHICLE.collision_distance, LAPS * len(track.gates) + 1, (batch,))
-    steps = round(LAPS * lap_length(track.gates) / SLOWEST / VEHICLE.control_dt)
-    flight = fly(race_env(track, drones, VEHICLE), team, rules, jax.random.key(seed), steps, (batch,))
-    info = RaceInfo(track, LAPS, VEHICLE.name, VEHICLE.collision_distance, [pilot.name for pilot in team])
+    team = [SeIbrPilot(style).for_vehicle(vehicle)] * drones
+    rules = team_rules(team, vehicle.collision_distance, LAPS * len(track.gates) + 1, (batch,))
+    steps = round(LAPS * lap_length(track.gates) / (SLOWEST * vehicle.tracking.speed) / vehicle.control_dt)
+    flight = fly(race_env(track, drones, vehicle), team, rules, jax.random.key(seed), steps, (batch,))
+    names, distance, aspect = [pilot.name for pilot in team], vehicle.collision_distance, vehicle.collision_aspect
+    info = RaceInfo(track, LAPS, vehicle.name, distance, names, aspect)
     return race_logs(flight, info)
 
 

@@ -18,8 +18,8 @@ from cruise.export.c_printer import statements
 from cruise.export.parts import Parts, make_parts
 from cruise.export.pilot_program import make_model, ports_of, shapes_of_one
 from cruise.export.ports import OWN, Sizes, commands_of
-from cruise.export.trace import trace
 from cruise.export.recording import Recording
+from cruise.export.trace import trace
 from cruise.storage.onnx_file import Port, first_action
 from cruise.storage.policy_file import Policy
 

@@ -24,6 +24,11 @@ def export_env(policy: Policy, track: Track) -> RaceEnv:
             f"{track.name!r} is another track in every race: choose the one that the export of {meta.name!r} is "
             "compared on (--track)"
         )
+    if any(gate.roll or gate.pitch or gate.shape != "rectangle" for gate in track.gates):
+        raise CruiseError(
+            f"{track.name!r} has gates that lean or are round, which exported models do not know: choose a track of "
+            "upright rectangles (--track)"
+        )
     vehicle = find_vehicle(meta.vehicle)
     if vehicle.control != COMMANDED[vehicle.flown_by]:
         raise CruiseError(

@@ -404,16 +404,16 @@ def _gather(graph: Graph, equation: Equation) -> None:
         source = _turned(graph, graph.whole(table), [*batch, *axes, *rest])
         index = graph.node("Cast", graph.whole(where), to=graph.onnx.TensorProto.INT64)
         name, places = graph.node("GatherND", source, index, batch_dims=len(batch)), where.shape[:-1]
-        lead = 0
+        lead, sizes = 0, table.shape
     else:
         rest, (lead,) = [axis for axis in range(table.ndim) if axis not in axes], axes
-        indices = _rows(graph, where)
-        source, places = graph.tensor(table), indices.shape
-        name = graph.whole(table, None) if _is_one(source.shape[lead]) else source.name
-        name = graph.node("Gather", name, indices.name, axis=lead)
-        if not _is_one(source.shape[lead]):
-            table = Var([size if axis != lead else table.shape[axis] for axis, size in enumerate(source.shape)], table.dtype)
-    found, shape = iter(range(lead, lead + len(places))), [table.shape[axis] for axis in rest]
+        indices, rows = _rows(graph, where), graph.tensor(table)
+        places = indices.shape
+        if _is_one(rows.shape[lead]):
+            rows = Tensor(graph.whole(table), table.shape)
+        name = graph.node("Gather", rows.name, indices.name, axis=lead)
+        sizes = rows.shape
+    found, shape = iter(range(lead, lead + len(places))), [sizes[axis] for axis in rest]
     shape[lead:lead] = places
     kept = iter(i for i in range(len(shape)) if not lead <= i < lead + len(places))
     order = [next(found) if axis not in numbers.offset_dims else next(kept) for axis in range(var.ndim)]

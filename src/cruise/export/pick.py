@@ -7,10 +7,12 @@ import numpy as np
 
 from cruise.export.program import Atom, Equation, Var
 
-NUMBERWISE = frozenset(
-    "abs add and atan2 ceil clamp convert_element_type copy cos div eq exp floor ge gt integer_pow le logistic lt max min "
-    "mul ne neg not or pow rem round rsqrt select_n sign sin sqrt square stop_gradient sub tan tanh acos asin atan erf log"
-    .split()
+# Operations number by number.
+NUMBERWISE = (
+    *("abs", "acos", "add", "and", "asin", "atan", "atan2", "ceil", "clamp", "convert_element_type", "copy", "cos"),
+    *("div", "eq", "erf", "exp", "floor", "ge", "gt", "integer_pow", "le", "log", "logistic", "lt", "max", "min"),
+    *("mul", "ne", "neg", "not", "or", "pow", "rem", "round", "rsqrt", "select_n", "sign", "sin", "sqrt", "square"),
+    *("stop_gradient", "sub", "tan", "tanh"),
 )
 Make = Callable[[str, Sequence[Atom], dict[str, Any], Var], Atom]  # name, inputs, parameters, output
 Source = Callable[[Atom], Equation | None]
@@ -27,7 +29,7 @@ class Picker:
     def pick(self, atom: Atom, axis: int, place: int) -> Atom:
         """`atom` at a place along an axis, which is gone."""
         if isinstance(atom, np.ndarray):
-            return np.take(atom, 0 if atom.shape[axis] == 1 else place, axis)
+            return np.asarray(np.take(atom, 0 if atom.shape[axis] == 1 else place, axis))
         key = (atom, axis, place)
         if key not in self.done:
             made = self.source(atom)
@@ -105,9 +107,7 @@ def _dropped(values: Sequence[Any], at: int) -> tuple[Any, ...]:
 def _reduce(picker: Picker, made: Equation, axis: int, place: int, var: Var) -> Atom:
     (atom,), axes = made.inputs, tuple(map(int, made.params["axes"]))
     at = [each for each in range(atom.ndim) if each not in axes][axis]
-    return picker.make(
-        made.primitive, [picker.pick(atom, at, place)], made.params | {"axes": _without(axes, at)}, var
-    )
+    return picker.make(made.primitive, [picker.pick(atom, at, place)], made.params | {"axes": _without(axes, at)}, var)
 
 
 def _squeeze(picker: Picker, made: Equation, axis: int, place: int, var: Var) -> Atom:

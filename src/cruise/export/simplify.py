@@ -74,13 +74,14 @@ class _Work:
         return table, int(starts[0])
 
     def _keep(self, equation: Equation) -> tuple[Var, ...]:
-        key = (equation.primitive, *map(_key, equation.inputs), repr(sorted(equation.params.items())))
+        made = [(str(var.shape), var.dtype.str) for var in equation.outputs]
+        key = (equation.primitive, *map(_key, equation.inputs), repr(sorted(equation.params.items())), *made)
         if key not in self.known:
             self.known[key] = equation.outputs
             self.equations.append(equation)
-            self.source |= {var: equation for var in equation.outputs}
+            self.source |= dict.fromkeys(equation.outputs, equation)
         elif self.known[key] is not equation.outputs:
-            self.instead |= {old: new for old, new in zip(equation.outputs, self.known[key], strict=True)}
+            self.instead |= dict(zip(equation.outputs, self.known[key], strict=True))
         return self.known[key]
 
 
@@ -89,28 +90,22 @@ def _key(atom: Atom) -> Any:
 
 
 def _arithmetic(work: _Work, equation: Equation) -> Atom | None:
-    """Nothing by a neutral number."""
-    (var,), neutral, name = equation.outputs, NEUTRAL.get(equation.primitive), equation.primitive
-    first, second = equation.inputs
+    """Of constants and signs; numbers are finite."""
+    (var,), name, (first, second) = equation.outputs, equation.primitive, equation.inputs
+    neutral = NEUTRAL[name]
     if name == "mul" and _is_constant(first, -1):
         return work.one("neg", [second], {}, var)
-    negated = work.made_by(second, "neg") if name == "add" else None
-    if negated is not None:
+    if name == "add" and (negated := work.made_by(second, "neg")) is not None:
         return work.one("sub", [first, *negated.inputs], {}, var)
-    if name == "mul" and (_is_constant(first, 0) or _is_constant(second, 0)):  # of finite numbers
+    if name == "mul" and (_is_constant(first, 0) or _is_constant(second, 0)):
         zero = np.zeros((), var.dtype)
         return work.one("broadcast_in_dim", [zero], {"broadcast_dimensions": ()}, Var(var.shape, var.dtype))
-    if neutral is not None and (moved := _moved(work, equation)) is not None:
-        return moved
-    if name in ("add", "sub") and work.is_zero(second) and _alike(first, var):
-        return first
-    if name in ("add", "sub") and work.is_zero(first) and _alike(second, var):
-        return second if name == "add" else work.one("neg", [second], {}, Var(var.shape, var.dtype))
-    if neutral is not None and _is_constant(second, neutral) and _alike(first, var):
-        return first
-    if neutral is not None and equation.primitive in FREE and _is_constant(first, neutral) and _alike(second, var):
-        return second
-    return None
+    for one, other in ((first, second), (second, first)) if name in FREE else ((first, second),):
+        if _alike(one, var) and (_is_constant(other, neutral) or (neutral == 0 and work.is_zero(other))):
+            return one
+    if name == "sub" and work.is_zero(first) and _alike(second, var):
+        return work.one("neg", [second], {}, Var(var.shape, var.dtype))
+    return _moved(work, equation)
 
 
 def _logic(work: _Work, equation: Equation) -> Atom | None:
@@ -120,14 +115,17 @@ def _logic(work: _Work, equation: Equation) -> Atom | None:
         return twice.inputs[0] if twice else None
     for one, other in (equation.inputs, equation.inputs[::-1]):
         made = work.made_by(one, "broadcast_in_dim")
-        if _is_constant(made.inputs[0] if made else one, equation.primitive == "and") and _alike(other, equation.outputs[0]):
+        if _is_constant(made.inputs[0] if made else one, equation.primitive == "and") and _alike(
+            other, equation.outputs[0]
+        ):
             return other
     return None
 
 
 def _moved(work: _Work, equation: Equation) -> Atom | None:
     """What is done number by number to transposed arrays is transposed afterwards."""
-    (var,), inputs, perm = equation.outputs, [], None
+    (var,) = equation.outputs
+    inputs, perm = list[Atom](), None
     for atom in equation.inputs:
         made = work.made_by(atom, "transpose")
         order = tuple(made.params["permutation"]) if made else None
@@ -149,8 +147,7 @@ def _moved(work: _Work, equation: Equation) -> Atom | None:
 def _product(work: _Work, equation: Equation) -> Atom | None:
     """A layer of a batch along the last axis, as runtimes know it: the batch first."""
     (left, right), (var,), (contracted, batch) = equation.inputs, equation.outputs, equation.params["dimension_numbers"]
-    known = isinstance(left, np.ndarray) and left.ndim == right.ndim == 2 and contracted == ((1,), (0,)) and not batch[0]
-    if not known:
+    if not isinstance(left, np.ndarray) or (left.ndim, right.ndim) != (2, 2) or contracted != ((1,), (0,)) or batch[0]:
         return None
     rows = work.one("transpose", [right], {"permutation": (1, 0)}, Var(right.shape[::-1], right.dtype))
     params = equation.params | {"dimension_numbers": (((1,), (0,)), ((), ()))}
@@ -182,7 +179,9 @@ def _slice(work: _Work, equation: Equation) -> Atom | None:
     if joint is None or not plain:
         return None
     axis, first = int(joint.params["dimension"]), 0
-    if any(str(size) != str(full) for i, (size, full) in enumerate(zip(var.shape, atom.shape, strict=True)) if i != axis):
+    if any(
+        str(size) != str(full) for i, (size, full) in enumerate(zip(var.shape, atom.shape, strict=True)) if i != axis
+    ):
         return None
     for part in joint.inputs:
         if (str(first), str(first + part.shape[axis])) == (str(starts[axis]), str(limits[axis])):
@@ -260,7 +259,12 @@ def _runs(work: _Work, parts: Sequence[Atom]) -> Iterable[Atom]:
     while place < len(parts):
         table, first = rows[place] or (None, 1)
         count = table.shape[0] if table is not None and first == 0 and isinstance(table.shape[0], int) else 1
-        if table is not None and count > 1 and table.ndim > 1 and rows[place : place + count] == [(table, i) for i in range(count)]:
+        if (
+            table is not None
+            and count > 1
+            and table.ndim > 1
+            and rows[place : place + count] == [(table, i) for i in range(count)]
+        ):
             shape = (count * table.shape[1], *table.shape[2:])
             yield work.one("reshape", [table], {"new_sizes": shape, "dimensions": None}, Var(shape, table.dtype))
         else:
@@ -273,7 +277,12 @@ def _stack(work: _Work, equation: Equation) -> Atom | None:
     """All rows of an array are the array."""
     axis, (var,) = int(equation.params["axis"]), equation.outputs
     rows = [work.row_of(atom) for atom in equation.inputs]
-    if axis == 0 and rows[0] is not None and _alike(rows[0][0], var) and rows == [(rows[0][0], i) for i in range(len(rows))]:
+    if (
+        axis == 0
+        and rows[0] is not None
+        and _alike(rows[0][0], var)
+        and rows == [(rows[0][0], i) for i in range(len(rows))]
+    ):
         return rows[0][0]
     return _at_once(work, equation, [1] * len(equation.inputs), axis)
 
@@ -300,7 +309,12 @@ def _piece(work: _Work, name: str, atom: Atom) -> tuple[Atom, float | None]:
         return atom, None
     pair = made.inputs if name not in FREE or isinstance(made.inputs[1], np.ndarray) else made.inputs[::-1]
     value, number = pair
-    if isinstance(number, np.ndarray) and number.size and (number == number.flat[0]).all() and _alike(value, made.outputs[0]):
+    if (
+        isinstance(number, np.ndarray)
+        and number.size
+        and (number == number.flat[0]).all()
+        and _alike(value, made.outputs[0])
+    ):
         return value, float(number.flat[0])
     return atom, None
 

@@ -68,8 +68,12 @@ def style_for(vehicle: Vehicle) -> Style:
     Three quarters of the speed that its velocity loop is meant for, and half of the acceleration that its thrust leaves
     beside its weight.
     """
-    level = math.sqrt(max(vehicle.agility**2 - vehicle.gravity**2, 0.0))
-    return Style(UNTRIED_SPEED * vehicle.tracking.speed, UNTRIED_ACCELERATION * level)
+    return Style(UNTRIED_SPEED * vehicle.tracking.speed, UNTRIED_ACCELERATION * level_acceleration(vehicle))
+
+
+def level_acceleration(vehicle: Vehicle) -> float:
+    """What the thrust of a vehicle with rotors leaves beside its weight [m/s^2]."""
+    return math.sqrt(max(vehicle.agility**2 - vehicle.gravity**2, 0.0))
 
 
 @functools.lru_cache(maxsize=8)
