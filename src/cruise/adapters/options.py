@@ -187,7 +187,7 @@ def _opponents(options: RaceOptions, track: Track, vehicle: Vehicle, drones: int
     choices = options.opponents
     if choices is None or (isinstance(choices, list | tuple) and not choices):
         choices = shipped_name(track.name, drones, reference_to(vehicle))
-    several = choices if isinstance(choices, list | tuple) else [choices]
+    several: list[Any] = list(choices) if isinstance(choices, list | tuple) else [choices]
     return make_match(track, drones - 1, [_aboard(one, vehicle) for one in several], vehicle=vehicle).team
 
 
