@@ -21,7 +21,7 @@ def ranks(values: list[Float[Array, "*B"]]) -> list[Int[Array, "*B"]]:
         first = np.tri(len(values), k=-1, dtype=bool).reshape(len(values), -1, *(1,) * values[0].ndim)
         return list((before | (jnp.equal(each[None], each[:, None]) & first)).sum(axis=1, dtype=jnp.int32))
     if len(values) >= UNROLLED:
-        return list(_counted(jnp.stack(values)))
+        return list(counted_ranks(jnp.stack(values)))
     places = [jnp.zeros(v.shape, jnp.int32) for v in values]
     for i in range(len(values)):
         for j in range(i + 1, len(values)):
@@ -31,8 +31,8 @@ def ranks(values: list[Float[Array, "*B"]]) -> list[Int[Array, "*B"]]:
     return places
 
 
-def _counted(values: Float[Array, "K *B"]) -> Int[Array, "K *B"]:
-    """For every value, how many are smaller, or equal and before it."""
+def counted_ranks(values: Float[Array, "K *B"]) -> Int[Array, "K *B"]:
+    """`ranks` of many values: for every value, how many are smaller, or equal and before it."""
     number = jnp.arange(values.shape[0]).reshape(-1, *(1,) * (values.ndim - 1))
 
     def step(places: Array, other: Array) -> tuple[Array, None]:

@@ -12,12 +12,12 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from cruise.dynamics.types import DroneState, Dynamics
-from cruise.env.ranks import ranks
+from cruise.env.ranks import counted_ranks, ranks
 from cruise.env.types import RaceState
 from cruise.geometry import from_gate, to_gate
 from cruise.racing.course import Course, Opening, target_opening
-from cruise.racing.field import opponent, opponents
-from cruise.vector import dot, norm, stored
+from cruise.racing.field import UNROLLED, all_opponents, opponent, opponents
+from cruise.vector import dot, is_plain, norm, stored
 
 ABSENT = 1e6  # sorts an opponent that left the air behind all others [m]
 
@@ -71,6 +71,11 @@ class View:
     def num_drones(self) -> int:
         """N."""
         return self.position_w.shape[1]
+
+    @property
+    def is_large(self) -> bool:
+        """Whether opponents are so many that they are gathered by arrays of indices, and not written out."""
+        return self.num_drones > UNROLLED and not is_plain()
 
     @property
     def num_gates(self) -> int:
@@ -165,6 +170,9 @@ class View:
     @functools.cached_property
     def all_nearest(self) -> Opponent:
         """All N - 1 opponents, those in the air first and by distance, along an axis before that of the drones."""
+        if self.is_large:
+            in_order: Opponent = self.shared(_in_order, 0, self.num_drones - 1)
+            return in_order
         others = [self.nearest(place) for place in range(1, self.num_drones)]
         offset, motion = (jnp.stack([other[i] for other in others], axis=1) for i in range(2))
         return Opponent(offset, motion, jnp.stack([other.present for other in others]))
@@ -212,8 +220,37 @@ def _nearest(view: View, place: int) -> Opponent:
     if place >= view.num_drones:
         nothing = jnp.zeros_like(view.position_w)
         return Opponent(nothing, nothing, jnp.zeros_like(view.airborne))
+    if view.is_large:
+        offset, motion, present = view.shared(_in_order, place - 1, place)
+        return Opponent(offset[:, 0], motion[:, 0], present[0])
     present = [view.opponent(number).present for number in opponents(view.num_drones)]
     chosen = [here & (at == place - 1) for here, at in zip(present, view.shared(_places), strict=True)]
     picked = [jnp.where(flag, one, 0.0) for flag, one in zip(chosen, view.shared(_relative), strict=True)]
     vectors = stored(functools.reduce(operator.add, picked))
     return Opponent(vectors[:3], vectors[3:], functools.reduce(operator.or_, chosen))
+
+
+def _all_opponents(view: View) -> Opponent:
+    """Opponents 1 to N - 1 along an axis before that of the drones."""
+    offset, motion = (all_opponents(own, 1) - own[:, None] for own in (view.position_w, view.velocity_w))
+    return Opponent(offset, motion, all_opponents(view.airborne, 0))
+
+
+def _order(view: View) -> Int[Array, "K N *B"]:
+    """Indices of all opponents, those in the air first and by distance."""
+    others = view.shared(_all_opponents)
+    places = counted_ranks(jnp.where(others.present, others.separation, ABSENT))
+    number = jnp.arange(len(places)).reshape(-1, *(1,) * (places.ndim - 1))
+    number = jnp.broadcast_to(number, places.shape).astype(places.dtype)
+    return jnp.put_along_axis(jnp.zeros_like(places), places, number, axis=0, inplace=False)
+
+
+def _in_order(view: View, first: int, end: int) -> Opponent:
+    """From place `first` to before `end`, gathered: what is traced does not grow with the number of drones."""
+    order = view.shared(_order)[first:end]
+    offset, motion, here = view.shared(_all_opponents)
+    present = jnp.take_along_axis(here, order, axis=0)
+    offset, motion = (
+        jnp.where(present, jnp.take_along_axis(vectors, order[None], axis=1), 0.0) for vectors in (offset, motion)
+    )
+    return Opponent(offset, motion, present)
