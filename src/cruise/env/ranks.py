@@ -15,7 +15,7 @@ def ranks(values: list[Float[Array, "*B"]]) -> list[Int[Array, "*B"]]:
     so that what is traced does not grow with the square of their number.
     """
     if len(values) >= UNROLLED:
-        return list(_counted(jnp.stack(values)))
+        return list(counted_ranks(jnp.stack(values)))
     places = [jnp.zeros(v.shape, jnp.int32) for v in values]
     for i in range(len(values)):
         for j in range(i + 1, len(values)):
@@ -25,8 +25,8 @@ def ranks(values: list[Float[Array, "*B"]]) -> list[Int[Array, "*B"]]:
     return places
 
 
-def _counted(values: Float[Array, "K *B"]) -> Int[Array, "K *B"]:
-    """For every value, how many are smaller, or equal and before it."""
+def counted_ranks(values: Float[Array, "K *B"]) -> Int[Array, "K *B"]:
+    """`ranks` of many values: for every value, how many are smaller, or equal and before it."""
     number = jnp.arange(values.shape[0]).reshape(-1, *(1,) * (values.ndim - 1))
 
     def step(places: Array, other: Array) -> tuple[Array, None]:

@@ -7,7 +7,7 @@ from jaxtyping import Array, Float
 
 from cruise.config import RewardWeights
 from cruise.env.step_view import StepView
-from cruise.racing.field import opponent, opponents
+from cruise.racing.field import over_opponents
 from cruise.terms import RewardTerm
 from cruise.vector import dot, norm
 
@@ -114,13 +114,15 @@ def overtakes(step: StepView, reach: float, sign: str) -> Float[Array, "N *B"]:
     `sign="paper"` keeps the printed sign, the opposite.
     """
     airborne = step.airborne
-    count = jnp.zeros(airborne.shape)
-    for k in opponents(airborne.shape[0]):
-        before = lead_of(opponent(step.start_w, k, 1) - step.start_w, step.velocity0_w)
-        offset = opponent(step.end_w, k, 1) - step.end_w
+
+    def visit(count: Array, _: Array | int, start_w: Array, end_w: Array, here: Array) -> Array:
+        before = lead_of(start_w - step.start_w, step.velocity0_w)
+        offset = end_w - step.end_w
         after = lead_of(offset, step.velocity_w)
         if sign == "paper":
             before, after = -before, -after
-        counts = airborne & opponent(airborne, k, 0) & (dot(offset, offset) < reach**2)
-        count += (before > 0) & (after < 0) & counts
+        return count + ((before > 0) & (after < 0) & airborne & here & (dot(offset, offset) < reach**2))
+
+    none = jnp.zeros(airborne.shape)
+    count: Array = over_opponents(visit, none, (step.start_w, 1), (step.end_w, 1), (airborne, 0))
     return count

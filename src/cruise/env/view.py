@@ -4,9 +4,8 @@ It is the one place that knows how a course keeps its gates.
 """
 
 import functools
-import operator
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -14,14 +13,13 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from cruise.dynamics.types import DroneState, Dynamics
-from cruise.env.ranks import counted, ranks
+from cruise.env import opponents as others
+from cruise.env.opponents import Opponent
 from cruise.env.types import RaceState
 from cruise.geometry import from_gate, to_gate
 from cruise.racing.course import Course, Opening, target_opening
-from cruise.racing.field import opponent, opponents
-from cruise.vector import dot, is_plain, norm, stored
-
-ABSENT = 1e6  # sorts an opponent that left the air behind all others [m]
+from cruise.racing.field import UNROLLED
+from cruise.vector import dot, is_plain, stored
 
 
 def out_of_gate_frame(
@@ -30,19 +28,6 @@ def out_of_gate_frame(
     """A vector along (forward, left, up) of each drone's target gate, in the world."""
     gate = target_opening(course, next_gate)
     return jnp.stack(from_gate(gate.normal_w, vector, gate.tilt))
-
-
-class Opponent(NamedTuple):
-    """One opponent of every drone; world frame."""
-
-    offset_w: Float[Array, "3 N *B"]  # its position minus the drone's [m]
-    motion_w: Float[Array, "3 N *B"]  # its velocity minus the drone's [m/s]
-    present: Bool[Array, "N *B"]  # in the air
-
-    @property
-    def separation(self) -> Float[Array, "N *B"]:
-        """Distance to it [m]."""
-        return norm(self.offset_w)
 
 
 class View:
@@ -73,6 +58,11 @@ class View:
     def num_drones(self) -> int:
         """N."""
         return self.position_w.shape[1]
+
+    @property
+    def is_large(self) -> bool:
+        """Whether opponents are so many that they are gathered by arrays of indices, and not written out."""
+        return self.num_drones > UNROLLED and not is_plain()
 
     @property
     def num_gates(self) -> int:
@@ -164,25 +154,28 @@ class View:
     def nearest_b(self, place: int) -> tuple[Float[Array, "3 N *B"], Float[Array, "3 N *B"]]:
         """Offset and motion of `nearest` along the body's axes."""
         if is_plain() and place < self.num_drones:
-            offset_b, motion_b = self.shared(_sorted_b)
+            offset_b, motion_b = self.shared(others.nearest_first_b)
             return offset_b[:, place - 1], motion_b[:, place - 1]
         one = self.nearest(place)
         return self.to_body(one.offset_w), self.to_body(one.motion_w)
 
     def opponent(self, number: int) -> Opponent:
         """Opponent `number` of every drone, 1 to N - 1: drone (i + number) mod N for drone i."""
-        return self.shared(_opponent, number)
+        return self.shared(others.opponent_of, number)
 
     def nearest(self, place: int) -> Opponent:
         """The opponent in the air that is nearest, for place 1, or next; zeros where there are fewer."""
-        return self.shared(_nearest, place)
+        return self.shared(others.nearest, place)
 
     @functools.cached_property
     def all_nearest(self) -> Opponent:
         """All N - 1 opponents, those in the air first and by distance, along an axis before that of the drones."""
-        others = [self.nearest(place) for place in range(1, self.num_drones)]
-        offset, motion = (jnp.stack([other[i] for other in others], axis=1) for i in range(2))
-        return Opponent(offset, motion, jnp.stack([other.present for other in others]))
+        if self.is_large:
+            in_order: Opponent = self.shared(others.in_order, 0, self.num_drones - 1)
+            return in_order
+        each = [self.nearest(place) for place in range(1, self.num_drones)]
+        offset, motion = (jnp.stack([other[i] for other in each], axis=1) for i in range(2))
+        return Opponent(offset, motion, jnp.stack([other.present for other in each]))
 
 
 def _spread(table: Float[Array, "C N *B"], ndim: int) -> Array:
@@ -217,67 +210,3 @@ def _all_corners_b(view: View, ahead: int) -> Float[Array, "4 3 N *B"]:
     reach = jnp.concatenate([sideways, gate.half_size[1:]])
     corners_w = gate.position_w - view.position_w + CORNERS[:, [0, 0, 1]].reshape(4, 3, *ones) * reach
     return jnp.sum(view.rotation * corners_w[:, :, None], axis=1)
-
-
-def _opponent(view: View, number: int) -> Opponent:
-    position, velocity = view.position_w, view.velocity_w
-    if is_plain():
-        offset, motion, present = view.shared(_everyone)
-        return Opponent(offset[:, number - 1], motion[:, number - 1], present[number - 1])
-    offset, motion = (opponent(vector, number, 1) - vector for vector in (position, velocity))
-    return Opponent(offset, motion, opponent(view.airborne, number, 0))
-
-
-def _everyone(view: View) -> Opponent:
-    """All opponents of every drone at once, along an axis before that of the drones: for an export."""
-    drones = view.num_drones
-    number = (np.arange(1, drones)[:, None] + np.arange(drones)) % drones
-    offset, motion = (vector[:, number] - vector[:, None] for vector in (view.position_w, view.velocity_w))
-    return Opponent(offset, motion, view.airborne[number])
-
-
-def _sorted(view: View) -> Opponent:
-    """All opponents, the nearest first."""
-    vectors, present = view.shared(_sorted_vectors)
-    return Opponent(vectors[0], vectors[1], present)
-
-
-def _sorted_b(view: View) -> Float[Array, "2 3 K N *B"]:
-    vectors, _ = view.shared(_sorted_vectors)
-    return jnp.sum(view.rotation[:, :, None] * vectors[:, :, None], axis=1)
-
-
-def _sorted_vectors(view: View) -> tuple[Float[Array, "2 3 K N *B"], Bool[Array, "K N *B"]]:
-    """Offsets and motions."""
-    offset, motion, present = view.shared(_everyone)
-    place = counted(jnp.where(present, norm(offset), ABSENT))
-    count = len(place)
-    chosen = present & (place == np.arange(count).reshape(-1, *(1,) * place.ndim))
-    vectors = jnp.where(chosen, jnp.stack([offset, motion])[:, :, None], 0.0).sum(axis=3)
-    return vectors, present.sum(axis=0) > np.arange(count).reshape(-1, *(1,) * (place.ndim - 1))
-
-
-def _places(view: View) -> list[Float[Array, "N *B"]]:
-    """Of each opponent among those in the air, by distance; 0 is the nearest."""
-    others = [view.opponent(number) for number in opponents(view.num_drones)]
-    separations = [jnp.where(other.present, other.separation, ABSENT) for other in others]
-    return [stored(place.astype(jnp.float32)) for place in ranks(separations)]
-
-
-def _relative(view: View) -> list[Float[Array, "6 N *B"]]:
-    others = [view.opponent(number) for number in opponents(view.num_drones)]
-    return [jnp.concatenate([other.offset_w, other.motion_w]) for other in others]
-
-
-def _nearest(view: View, place: int) -> Opponent:
-    if place >= view.num_drones:
-        nothing = jnp.zeros_like(view.position_w)
-        return Opponent(nothing, nothing, jnp.zeros_like(view.airborne))
-    if is_plain():
-        offset, motion, here = view.shared(_sorted)
-        return Opponent(offset[:, place - 1], motion[:, place - 1], here[place - 1])
-    present = [view.opponent(number).present for number in opponents(view.num_drones)]
-    chosen = [here & (at == place - 1) for here, at in zip(present, view.shared(_places), strict=True)]
-    picked = [jnp.where(flag, one, 0.0) for flag, one in zip(chosen, view.shared(_relative), strict=True)]
-    vectors = stored(functools.reduce(operator.add, picked))
-    return Opponent(vectors[:3], vectors[3:], functools.reduce(operator.or_, chosen))

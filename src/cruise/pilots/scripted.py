@@ -13,7 +13,7 @@ from cruise.env.race_env import RaceEnv
 from cruise.env.types import RaceState
 from cruise.pilots.base import Memory, Pilot
 from cruise.racing.course import Course, pick
-from cruise.racing.field import opponent, opponents, rows
+from cruise.racing.field import over_opponents, rows
 from cruise.vector import norm
 from cruise.vehicles import find_vehicle, reference_to
 
@@ -128,12 +128,14 @@ def push_apart(
     position_w: Float[Array, "3 N *B"], airborne: Array, clearance: float, strength: Scalars
 ) -> Float[Array, "3 N *B"]:
     """Velocity away from every drone in the air nearer than `clearance` [m/s]."""
-    push = jnp.zeros_like(position_w)
-    for k in opponents(airborne.shape[0]):
-        offset = position_w - opponent(position_w, k, 1)
+
+    def visit(push: Array, _: Array | int, theirs_w: Array, here: Array) -> Array:
+        offset = position_w - theirs_w
         distance = norm(offset)
-        too_near = jnp.maximum(clearance - distance, 0.0) * opponent(airborne, k, 0)
-        push += strength * too_near * offset / (distance + EPSILON)
+        too_near = jnp.maximum(clearance - distance, 0.0) * here
+        return push + strength * too_near * offset / (distance + EPSILON)
+
+    push: Array = over_opponents(visit, jnp.zeros_like(position_w), (position_w, 1), (airborne, 0))
     return push
 
 
