@@ -1,5 +1,6 @@
 """Small things that tests of several folders share."""
 
+import contextlib
 import functools
 
 import jax
@@ -7,6 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from cruise.config import Gate, Track
+from cruise.env.observation import OBSERVATIONS
+from cruise.env.payment import REWARD_TERMS
+from cruise.pilots import terms_file
 
 # Compiled without LLVM's optimisations: half the time to compile, for functions whose logic is tested on little data.
 quick_jit = functools.partial(jax.jit, compiler_options={"xla_backend_optimization_level": 0})
@@ -59,3 +63,14 @@ def flat(data: dict, path: str = "") -> dict:
     for key, value in data.items():
         found |= flat(value, f"{path}{key}.") if isinstance(value, dict) else {path + key: value}
     return found
+
+
+@contextlib.contextmanager
+def terms_forgotten():
+    """Observations and terms that are made known within are forgotten after it."""
+    known = [dict(OBSERVATIONS), dict(REWARD_TERMS), list(terms_file.LOADED)]
+    yield
+    for now, before in zip((OBSERVATIONS, REWARD_TERMS), known, strict=False):
+        now.clear()
+        now.update(before)
+    terms_file.LOADED[:] = known[2]

@@ -7,10 +7,12 @@ from cruise.cli.main import main
 from cruise.env.observation import OBSERVATIONS
 from cruise.env.payment import REWARD_TERMS
 from cruise.errors import CruiseError
-from cruise.pilots import terms_file
+from cruise.evaluation.matches import race_env
 from cruise.pilots.terms_file import load_terms
+from cruise.presets import TRACKS, VEHICLES
 from cruise.storage.policy_file import load_policy, read_meta
 from cruise.training.metrics_log import read_metrics
+from tests.helpers import terms_forgotten
 from tests.training.runs import TINY_FLAGS
 
 TERMS = """
@@ -27,14 +29,9 @@ REWARDS = [RewardTerm("effort", "interaction", -0.01, lambda step: (step.action*
 
 
 @pytest.fixture(autouse=True)
-def forgotten():
-    """What a test makes known is forgotten after it."""
-    known = [dict(OBSERVATIONS), dict(REWARD_TERMS), list(terms_file.LOADED)]
-    yield
-    for now, before in zip((OBSERVATIONS, REWARD_TERMS), known, strict=False):
-        now.clear()
-        now.update(before)
-    terms_file.LOADED[:] = known[2]
+def _forgotten():
+    with terms_forgotten():
+        yield
 
 
 def written(folder, base="extended", scale=10.0, name="mine.py"):
@@ -127,3 +124,11 @@ def test_the_same_file_gives_the_same_terms_and_a_changed_one_others(tmp_path):
     assert first.observations[0] is again.observations[0]
     path.write_text(path.read_text() + "# changed\n")
     assert load_terms(path).observations[0] is not first.observations[0]
+
+
+def test_what_is_made_known_after_a_race_is_seen_in_the_next(tmp_path):
+    """Environments are kept from race to race; one from before must not stand for what can be observed since."""
+    kept = race_env(TRACKS["ring"], 1, VEHICLES["paper"])
+    load_terms(written(tmp_path))
+    assert "informed" not in kept.observe_as
+    assert "informed" in race_env(TRACKS["ring"], 1, VEHICLES["paper"]).observe_as

@@ -10,6 +10,7 @@ from typing import Any
 import jax
 
 from cruise.config import OUR_SIMULATOR, Randomisation, Track, Vehicle
+from cruise.env.observation import OBSERVATIONS
 from cruise.env.race_env import RaceEnv, make_race_env
 from cruise.env.randomise import made_for, perturbation
 from cruise.errors import CruiseError
@@ -158,7 +159,6 @@ def fly_batch(match: Match, env: RaceEnv, key: jax.Array, batch: int) -> list[Ra
     return race_logs(flight, RaceInfo(match.track, match.laps, vehicle.name, distance, names, aspect))
 
 
-@functools.lru_cache(maxsize=8)
 def race_env(
     track: Track,
     drones: int,
@@ -171,6 +171,13 @@ def race_env(
     Raises:
         CruiseError: the vehicle cannot be randomised so, or not be flown in that simulator.
     """
+    return _race_env(track, drones, vehicle, randomisation, simulator, tuple(OBSERVATIONS.values()))
+
+
+@functools.lru_cache(maxsize=8)
+def _race_env(*choices: Any) -> RaceEnv:
+    """Another one for other known observations too: those that a user added since are among what it can observe."""
+    track, drones, vehicle, randomisation, simulator, _ = choices
     flown = made_for(vehicle, randomisation)
     dynamics = None if simulator == OUR_SIMULATOR else make_simulated(simulator, flown)
     return make_race_env(track, drones, flown, perturb=perturbation(track, flown, randomisation), dynamics=dynamics)

@@ -279,7 +279,8 @@ def _reduce(operator: str) -> Rule:
             array = run.closed(atom)
         rest = [axis for axis in range(array.ndim) if axis not in axes]
         rows = array.transpose(*axes, *rest).reshape(-1, *(array.shape[axis] for axis in rest))
-        return functools.reduce(lambda a, b: _map([a, b], functools.partial(node, operator, var.dtype)), list(rows))
+        both = functools.partial(node, operator, var.dtype)
+        return np.asarray(functools.reduce(lambda a, b: _map([a, b], both), list(rows)), object)
 
     return rule
 
