@@ -255,9 +255,11 @@ def test_policies_that_cannot_be_exported():
 
 
 @pytest.mark.parametrize("change", [{"pitch": 0.3}, {"roll": 0.3}, {"shape": "round"}])
-def test_gates_that_lean_or_are_round_are_refused(change):
+def test_gates_that_lean_or_are_round_are_refused(change, models):
     """An exported model knows where a gate is and its heading; a gate that leans would be flown as an upright one."""
     first, *rest = TRACKS["ring"].gates
     track = dataclasses.replace(TRACKS["ring"], gates=(dataclasses.replace(first, **change), *rest))
     with pytest.raises(CruiseError, match="'ring' has gates that lean or are round"):
         files.Exporter.of(policy_of("shipped"), track)
+    with pytest.raises(CruiseError, match="knows upright rectangular gates alone"):
+        cruise.race(track, 4, str(models["shipped", "state"]), laps=1)

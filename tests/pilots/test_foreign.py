@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import dataclasses
 import sys
 import time
 from types import SimpleNamespace
@@ -9,6 +10,7 @@ from types import SimpleNamespace
 import jax
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from cruise.env.race_env import make_race_env
 from cruise.errors import CruiseError
@@ -16,7 +18,9 @@ from cruise.pilots import python_pilot
 from cruise.pilots.foreign import ForeignPilot, wrap
 from cruise.pilots.neural import NeuralPilot
 from cruise.pilots.scripted import SCRIPTED, Chaser
+from cruise.pilots.view import gates_of
 from cruise.presets import TRACKS, VEHICLES
+from cruise.racing.course import make_course
 from cruise.rollout import fly, team_rules
 from tests.pilots.test_neural import loud_params
 
@@ -326,3 +330,14 @@ def test_names_and_attributes():
     assert wrap(Chaser) == Chaser()
     with pytest.raises(CruiseError, match="'ace' is plain Python: it cannot fly inside a compiled program"):
         jax.eval_shape(lambda key: pilot.init(ENV, (0,), ENV.reset(key)), jax.random.key(0))
+
+
+def test_pilots_are_told_how_gates_lean():
+    ring = TRACKS["ring"]
+    leaning = dataclasses.replace(ring.gates[1], pitch=0.4, roll=-0.3, shape="round")
+    track = dataclasses.replace(ring, gates=(ring.gates[0], leaning, *ring.gates[2:]))
+    seen = gates_of(make_course(track), track.gates)
+    axes = Rotation.from_euler("ZYX", [leaning.yaw, leaning.pitch, leaning.roll]).as_matrix()
+    np.testing.assert_allclose(seen.normal_w[1], axes[:, 0], atol=1e-6)
+    assert (seen.pitch[1], seen.roll[1], seen.is_round.tolist()) == (0.4, -0.3, [False, True, False, False, False])
+    np.testing.assert_allclose(seen.normal_w[0], [np.cos(seen.yaw[0]), np.sin(seen.yaw[0]), 0.0], atol=1e-12)

@@ -63,7 +63,7 @@ class PythonPilot:
         must_know(env.track, self.pilot.name)
         self._size = env.dynamics.action_size
         self._views = ViewBuilder(
-            gates_of(env.course), env.dynamics.control_dt, crew.pilot.agility, crew.pilot.observation
+            gates_of(env.course, env.track.gates), env.dynamics.control_dt, crew.pilot.agility, crew.pilot.observation
         )
         self._asked: dict[int, Callable[[View], Any]] = {}  # by row
 

@@ -8,6 +8,8 @@ import jax
 import numpy as np
 from jaxtyping import Array
 
+from cruise import geometry
+from cruise.config import Gate
 from cruise.env.race_env import RaceEnv
 from cruise.env.types import RaceState
 from cruise.racing.course import Course
@@ -18,9 +20,12 @@ class Gates(NamedTuple):
 
     position_w: np.ndarray  # [G, 3] centres of the openings [m]
     yaw: np.ndarray  # [G] heading of the normal, the direction of flight [rad]
-    normal_w: np.ndarray  # [G, 3] (cos yaw, sin yaw, 0)
+    normal_w: np.ndarray  # [G, 3] the direction of flight: (cos yaw, sin yaw, 0) for a gate that stands upright
     width: np.ndarray  # [G] of the opening [m]
     height: np.ndarray  # [G] of the opening [m]
+    roll: np.ndarray  # [G] about the normal [rad]
+    pitch: np.ndarray  # [G] of the normal below the horizon [rad]
+    is_round: np.ndarray  # [G] bool: the opening is a circle as wide as `width`
 
 
 class View(NamedTuple):
@@ -65,12 +70,22 @@ class Snapshot(NamedTuple):
     observations: dict[str, np.ndarray]  # by kind
 
 
-def gates_of(course: Course) -> Gates:
-    """The gates as a pilot sees them."""
+def gates_of(course: Course, gates: Sequence[Gate]) -> Gates:
+    """The gates of a course, and the tilt and shape that its track gives them, as a pilot sees them."""
     x, y = np.asarray(course.normal_w, np.float64)
     width, height = 2 * np.asarray(course.half_size, np.float64)
-    normal_w = np.stack([x, y, np.zeros_like(x)], axis=1)
-    return Gates(np.asarray(course.position_w, np.float64).T, np.arctan2(y, x), normal_w, width, height)
+    tilts = [geometry.tilt_of(gate.roll, gate.pitch) for gate in gates]
+    normal_w = [geometry.from_gate(heading, (1.0, 0.0, 0.0), tilt) for *heading, tilt in zip(x, y, tilts, strict=True)]
+    return Gates(
+        np.asarray(course.position_w, np.float64).T,
+        np.arctan2(y, x),
+        np.array(normal_w),
+        width,
+        height,
+        roll=np.array([gate.roll for gate in gates]),
+        pitch=np.array([gate.pitch for gate in gates]),
+        is_round=np.array([gate.shape == "round" for gate in gates]),
+    )
 
 
 def take_snapshot(env: RaceEnv, state: RaceState, kinds: tuple[str, ...]) -> Snapshot:

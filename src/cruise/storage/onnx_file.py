@@ -184,6 +184,7 @@ class _Whole(_Network):
     def act_batch(self, view: View) -> np.ndarray:
         """Actions [M, A] in the vehicle's own frame."""
         self._check_field(view)
+        self._check_gates(view)
         self.previous = np.where(np.asarray(view.time)[:, None] > 0, self.previous, self.first)
         floats = ("position_w", "velocity_w", "euler", "angular_velocity_b", "others_position_w", "others_velocity_w")
         inputs = {name: getattr(view, name).astype(np.float32) for name in floats}
@@ -200,6 +201,14 @@ class _Whole(_Network):
             inputs["attitude"] = np.roll(attitude, 1, axis=-1).astype(np.float32)
         self.previous = self._run({name: value for name, value in inputs.items() if name in self.takes})
         return self.previous
+
+    def _check_gates(self, view: View) -> None:
+        gates = view.gates
+        if gates.roll.any() or gates.pitch.any() or gates.is_round.any():
+            raise CruiseError(
+                f"exported policy {self.meta.name!r} knows upright rectangular gates alone, and some here lean or are "
+                "round: fly the policy itself"
+            )
 
 
 def first_action(meta: PolicyMeta) -> tuple[float, ...]:
