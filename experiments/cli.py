@@ -7,7 +7,7 @@ from typing import Annotated
 
 from rich.table import Column, Table
 
-from cruise.cli.compilation import prepare_training
+from cruise.cli.compilation import prepare_training, start_jax
 from cruise.cli.console import make_console
 from cruise.cli.line_up import described
 from cruise.errors import CruiseError
@@ -77,6 +77,7 @@ class Reproduce(Study):
         return failed
 
     def _run_jobs(self, work: Work, jobs: tuple[Job, ...]) -> int:
+        start_jax()
         wanted = left(work, jobs, self.again)
         return show_events(make_console(), run_jobs(work, wanted), wanted, len(jobs))
 

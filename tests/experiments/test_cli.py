@@ -1,5 +1,6 @@
 """Where the commands come from."""
 
+import os
 import subprocess
 import sys
 
@@ -24,3 +25,13 @@ def test_in_a_checkout_they_are_found_from_any_folder(tmp_path):
     done = subprocess.run([sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert "1 not run" in done.stdout
+
+
+def test_a_device_that_is_not_there_is_told_in_one_line(tmp_path):
+    command = [sys.executable, "-m", "cruise", "reproduce", "--quick", "--only", "cruise", "ring", "2", "s0"]
+    command += ["--work", str(tmp_path / "work"), "--results", str(tmp_path / "results")]
+    environment = {**os.environ, "JAX_PLATFORMS": "cuda"}
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
+    assert done.returncode == 2
+    assert done.stderr.startswith("error: JAX cannot use JAX_PLATFORMS=cuda")
+    assert done.stderr.count("\n") == 1
