@@ -1,19 +1,17 @@
 """What the terms of a reward look at: one step of all drones of a race, or of many."""
 
 import functools
-from collections.abc import Callable
-from typing import Any
 
 from jaxtyping import Array, Bool, Float
 
 from cruise.dynamics import DroneState
 from cruise.env.types import RaceState, Rules
-from cruise.env.view import View
+from cruise.env.view import Sharing, View
 from cruise.racing.gates import Crossing
 from cruise.vector import norm
 
 
-class StepView:
+class StepView(Sharing):
     """A step, drone by drone. Components lead, then drones N, then races *B; SI units, `_w` is the world's frame.
 
     `before` is the race as it was, as an observation's terms see it, so that the target gate is the one of before the
@@ -33,16 +31,9 @@ class StepView:
         rules: Rules,
     ) -> None:
         """Nothing is computed yet."""
+        super().__init__()
         self.before, self.after, self.action = before, after, action
         self.crossing, self.nearest, self.collided, self.rules = crossing, nearest, collided, rules
-        self._kept: dict[tuple, Any] = {}
-
-    def shared(self, function: Callable[..., Any], *arguments: Any) -> Any:
-        """`function(step, *arguments)`, computed once for all terms that ask for it."""
-        key = (function, *arguments)
-        if key not in self._kept:
-            self._kept[key] = function(self, *arguments)
-        return self._kept[key]
 
     @property
     def state(self) -> RaceState:

@@ -30,7 +30,22 @@ def out_of_gate_frame(
     return jnp.stack(from_gate(gate.normal_w, vector, gate.tilt))
 
 
-class View:
+class Sharing:
+    """Keeps what several terms ask of it, so that it is computed once."""
+
+    def __init__(self) -> None:
+        """Nothing is computed yet."""
+        self._kept: dict[tuple, Any] = {}
+
+    def shared(self, function: Callable[..., Any], *arguments: Any) -> Any:
+        """`function(self, *arguments)`, computed once for all terms that ask for it."""
+        key = (function, *arguments)
+        if key not in self._kept:
+            self._kept[key] = function(self, *arguments)
+        return self._kept[key]
+
+
+class View(Sharing):
     """Every drone's own flight, its gates and its opponents. Components lead, then drones N, then races *B.
 
     What several terms share is computed at the first use and kept. SI units; `_w` is the world's frame, `_b` forward,
@@ -39,15 +54,8 @@ class View:
 
     def __init__(self, course: Course, dynamics: Dynamics, state: RaceState) -> None:
         """Nothing is computed yet."""
+        super().__init__()
         self.course, self.dynamics, self.state = course, dynamics, state
-        self._kept: dict[tuple, Any] = {}
-
-    def shared(self, function: Callable[..., Any], *arguments: Any) -> Any:
-        """`function(view, *arguments)`, computed once for all terms that ask for it."""
-        key = (function, *arguments)
-        if key not in self._kept:
-            self._kept[key] = function(self, *arguments)
-        return self._kept[key]
 
     @property
     def drones(self) -> DroneState:
