@@ -7,11 +7,16 @@ import pytest
 
 from cruise.config import Track
 from cruise.presets import TRACKS
-from cruise.racing.contacts import closest_approach, nearest_opponent, on_ground, out_of_bounds
+from cruise.racing.contacts import closest_approach, meet_opponents, on_ground, out_of_bounds
 from cruise.racing.course import make_course
 from cruise.racing.field import UNROLLED
 from tests.helpers import random_track, yaw_matrix
 from tests.racing.oracle import along
+
+
+def nearest_opponent(start_w, end_w, airborne, aspect=1.0):
+    return meet_opponents(start_w, end_w, airborne, 0.0, aspect=aspect)[0]
+
 
 approach, nearest = jax.jit(closest_approach), jax.jit(nearest_opponent)
 

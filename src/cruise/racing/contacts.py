@@ -56,13 +56,6 @@ def meet_opponents(
     return jnp.sqrt(nearest2), touched
 
 
-def nearest_opponent(
-    start_w: Float[Array, "3 N *B"], end_w: Float[Array, "3 N *B"], airborne: Bool[Array, "N *B"], aspect: float = 1.0
-) -> Float[Array, "N *B"]:
-    """The closest approach of `meet_opponents` alone."""
-    return meet_opponents(start_w, end_w, airborne, 0.0, aspect=aspect)[0]
-
-
 def on_ground(position_w: Float[Array, "3 *B"]) -> Bool[Array, "*B"]:
     """Touching the ground plane z = 0."""
     return position_w[2] <= 0.0
