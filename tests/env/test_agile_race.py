@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from cruise.config import ObservationKind, Track, Vehicle
 from cruise.dynamics import DroneState, FreeBody, Parameters
 from cruise.dynamics.quadrotor import Memory
-from cruise.env.observation_body import CORNER_RANGE, NEAREST, OPPONENT_RANGE, OPPONENT_SIZE, SPEED_RANGE
+from cruise.env.observation_body import CORNER_RANGE, NEAREST, OPPONENT_RANGE, SPEED_RANGE
 from cruise.env.race_env import RaceEnv, make_race_env
 from cruise.env.surroundings import Conditions
 from cruise.env.types import RaceState, race_rules
@@ -21,6 +21,7 @@ from tests.env.races import before_gate, forward
 from tests.helpers import arrays, quick_jit, yaw_matrix
 
 RING, RACER = TRACKS["ring"], VEHICLES["racer"]
+OPPONENT_SIZE = 7  # numbers of each opponent
 RACES, OWN = 12, 38  # races at random; numbers of the body observation that tell of no opponent
 NOTICED = 6.0  # what `body-near` promises: opponents are whole within half of it, gone beyond it [m]
 RULES = arrays(race_rules(RACER.agility, 0.25, 0))

@@ -21,7 +21,6 @@ CORNER_RANGE, SPEED_RANGE, HEIGHT_RANGE, OPPONENT_RANGE = 10.0, 10.0, 4.0, 5.0  
 NEAREST = 3  # opponents that are seen
 NOTICE = {"body": math.inf, "body-near": 6.0}  # by name: farther away nobody is seen, within half of it all of him [m]
 GATES_AHEAD = 2
-OPPONENT_SIZE = 7
 
 _term = functools.partial(Term, frame="body")
 
