@@ -33,7 +33,7 @@ def test_vehicles_are_listed_with_their_sources(command, capsys, monkeypatch):
 def test_an_unknown_vehicle_is_refused_in_one_line(command, capsys):
     assert main([*command.split(), "--vehicle", "rcer"]) == 2
     error = capsys.readouterr().err
-    known = "built-in vehicles: paper, racer, racer-5, crazyflie; or give a TOML file's path"
+    known = f"built-in vehicles: {', '.join(VEHICLES)}; or give a TOML file's path"
     assert error == f"error: unknown vehicle 'rcer': did you mean 'racer'? {known}\n"
 
 

@@ -61,6 +61,8 @@ def test_a_policy_of_a_racer_flies_a_heavier_one_where_that_is_asked(heavy_file)
     assert make_match(RING, 2, ["racer-ring", Chaser(vehicle=VEHICLES["racer"])]).vehicle == VEHICLES["racer"]
     with pytest.raises(CruiseError, match="no policy is shipped for track 'ring' with 1 drone and vehicle 'heavy'"):
         shipped_name("ring", 1, heavy)
+    with pytest.raises(CruiseError, match="or train one: cruise train --vehicle kolibri --track ring --drones 2"):
+        shipped_name("ring", 2, "kolibri")
 
 
 def test_a_policy_carries_its_vehicle(heavy_file, tmp_path):

@@ -11,11 +11,13 @@ from cruise.config import AttitudeLimits, Battery, Vehicle
 from cruise.errors import CruiseError
 from cruise.toml_file import SHOWN_FAULTS
 from cruise.vehicles import BATTERIES, VEHICLES, fly_alike, load_vehicle, reference_to, save_vehicle, schema
-from cruise.vehicles.file import document_faults, file_faults, to_text, value_at
+from cruise.vehicles.document import to_text, value_at
+from cruise.vehicles.file import document_faults, file_faults
+from cruise.vehicles.named import SHIPPED
 from tests.vehicles.tables import HEAVY, MALFORMED, OWN, UNREADABLE
 
 RACER = VEHICLES["racer"]
-EXAMPLES = sorted((Path(__file__).parents[2] / "examples" / "vehicles").glob("*.toml"))
+EXAMPLES = sorted([*(Path(__file__).parents[2] / "examples" / "vehicles").glob("*.toml"), *SHIPPED.glob("*.toml")])
 
 
 def write(folder: Path, content: str | bytes) -> Path:
@@ -52,7 +54,7 @@ def test_unreadable_content_is_refused(case, tmp_path):
     [
         (
             "racr",
-            "unknown vehicle 'racr': did you mean 'racer'? built-in vehicles: paper, racer, racer-5, crazyflie; or",
+            f"unknown vehicle 'racr': did you mean 'racer'? built-in vehicles: {', '.join(VEHICLES)}; or",
         ),
         ("missing.toml", "missing.toml: no such vehicle file"),
         (Path("racer"), "racer: no such vehicle file"),

@@ -16,7 +16,8 @@ from cruise.errors import CruiseError
 from cruise.toml_file import positive, shown
 from cruise.vehicles import VEHICLES, check_vehicle, load_vehicle
 from cruise.vehicles.derived import figures, thrust_to_weight
-from cruise.vehicles.file import file_faults, to_text, value_at, write_text
+from cruise.vehicles.document import to_text, value_at
+from cruise.vehicles.file import file_faults, write_text
 from cruise.vehicles.guess import GUESSES, Measured, guessed_vehicle
 
 
@@ -146,7 +147,7 @@ def vehicle_table() -> Table:
         numbers = (
             f"{vehicle.mass:.4g}",
             f"{strength:.2f}" if math.isfinite(strength) else "-",
-            "-" if highest is None else " / ".join(f"{rate:g}" for rate in highest),
+            "-" if highest is None else "/".join(f"{rate:.3g}" for rate in highest),
         )
         table.add_row(vehicle.name, *numbers, vehicle.action.kind, f"{1 / vehicle.control_dt:.0f}")
     return table

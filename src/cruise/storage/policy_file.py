@@ -179,7 +179,7 @@ def shipped_name(track: str, drones: int, vehicle: str | Vehicle = USUAL_VEHICLE
         known = ", ".join(list_policies()) or "none"
         raise CruiseError(
             f"no policy is shipped for {_asked(track, drones, vehicle)}; shipped: {known}; "
-            "give others with --policy or --pilot"
+            f"give others with --policy or --pilot, or train one: {_training(track, drones, vehicle)}"
         )
     return name
 
@@ -192,6 +192,12 @@ def _names(track: str, drones: int, vehicle: str) -> list[str]:
 def _asked(track: str, drones: int, vehicle: str | Vehicle) -> str:
     other = "" if vehicle == USUAL_VEHICLE else f" and vehicle {name_of(vehicle)!r}"
     return f"track {track!r} with {drones} drone{'s' * (drones != 1)}{other}"
+
+
+def _training(track: str, drones: int, vehicle: str | Vehicle) -> str:
+    """The command that trains one; a vehicle of one's own has a file, whose name nobody remembers here."""
+    choice = "FILE.toml" if isinstance(vehicle, Vehicle) else vehicle
+    return f"cruise train --vehicle {choice} --track {track} --drones {drones}"
 
 
 def _template(network: NetworkShape) -> ActorCritic:

@@ -1,12 +1,16 @@
 """Named vehicles: numbers and where they come from. `docs/vehicles.md` has the equations and the sources in full."""
 
 import difflib
+import tomllib
 from dataclasses import replace
+from pathlib import Path
 
 from cruise.config import Airframe, Battery, Drag, Rates, Rotors, Tracking, Vehicle
 from cruise.errors import CruiseError
+from cruise.vehicles.document import from_document
 
 GRAVITY = 9.81
+SHIPPED = Path(__file__).parent / "shipped"
 
 # The five-inch quadrotor of the Zurich group. Mass and rotor lag: Bauersfeld et al., NeuroBEM, RSS 2021; inertia: the
 # data set of that paper; arms, torque ratio and drag: Sun et al., A Comparative Study of Nonlinear MPC and
@@ -78,7 +82,7 @@ _CRAZYFLIE = Vehicle(
     ),
 )
 
-VEHICLES: dict[str, Vehicle] = {
+_MEASURED: dict[str, Vehicle] = {
     vehicle.name: vehicle
     for vehicle in (
         Vehicle(),
@@ -87,6 +91,16 @@ VEHICLES: dict[str, Vehicle] = {
         _CRAZYFLIE,
     )
 }
+
+
+def _of_files() -> dict[str, Vehicle]:
+    """The vehicles of the files in `shipped/`, whose comments say where each number is published."""
+    texts = [file.read_text(encoding="utf-8") for file in sorted(SHIPPED.glob("*.toml"))]
+    vehicles = (from_document(tomllib.loads(text), _MEASURED) for text in texts)
+    return {vehicle.name: vehicle for vehicle in vehicles}
+
+
+VEHICLES: dict[str, Vehicle] = _MEASURED | _of_files()
 
 
 def find_vehicle(vehicle: str | Vehicle) -> Vehicle:
