@@ -2,8 +2,9 @@
 
 import math
 from dataclasses import replace
+from typing import Any
 
-from cruise.config import Gate, StartPlace, StartPlaces, Track, Vec3
+from cruise.config import Gate, Pole, StartLine, StartPlace, StartPlaces, Track, Vec3, Wall
 
 
 def _ring() -> Track:
@@ -55,7 +56,7 @@ _SPLIT_S = _published(
     0.3,
     [
         (-1.1, -1.6, 3.6, -20),
-        (9.2, 6.6, 1.0, -25),
+        (9.2, 6.6, 1.0, 0),
         (9.2, -4.0, 1.2, -130),
         (-4.5, -6.0, 3.5, 180),
         (-4.5, -6.0, 0.8, 0),
@@ -139,5 +140,72 @@ _UZH = replace(
 _UZH = replace(
     _UZH, start=StartPlaces(_on_arc(_UZH.gates[0], (-5.0, 4.7, 0.61), math.radians(-45.0), (0, 1, 2, 3, -1, 4, -2, 5)))
 )
-PUBLISHED_TRACKS: dict[str, Track] = {track.name: track for track in (_SPLIT_S, _A2RL, _DELFT, _UZH)}
+
+
+# Two tracks of the University of Pennsylvania: "Agile Flight Emerges from Multi-Agent Competitive Racing", 2025, code
+# Jirl-upenn/AgileFlight_MultiAgent, and its course ESE 6510. Gates are flown against the printed x axes; openings of
+# 1 m in frames of 0.2 m; the box is that of the code. Neither says where drones start: here 2 m before gate 1.
+def _upenn(name: str, rows: list[tuple[float, float, float, float]], middle: Vec3, **more: Any) -> Track:
+    track = _published(name, 1.0, 0.2, rows)
+    start = StartLine(middle, track.gates[0].yaw, 1.0)
+    return replace(track, bounds_low=(-6.0, -9.0, 0.0), bounds_high=(5.0, 9.0, 3.0), start=start, **more)
+
+
+_POWERLOOP = _upenn(
+    "powerloop",
+    [
+        (2.0, 3.5, 0.75, 90),
+        (-1.5, 3.5, 2.0, -135),
+        (-0.625, 0.0, 0.75, -90),
+        (0.625, 0.0, 0.75, -90),
+        (-1.5, -3.5, 2.0, -45),
+        (2.0, -3.5, 0.75, 90),
+        (0.625, 0.0, 0.75, 90),
+    ],
+    (2.0, 1.5, 0.75),
+)
+# Four walls, as high as the box; gates 3 and 4 stand one on the other.
+_WALLED = _upenn(
+    "upenn-walls",
+    [
+        (1.5, 3.5, 0.75, 135),
+        (-1.5, 3.5, 0.75, -135),
+        (-2.0, -3.5, 2.0, -90),
+        (-2.0, -3.5, 0.75, 90),
+        (1.0, -1.0, 2.0, 0),
+        (1.0, -3.5, 0.75, 180),
+    ],
+    (2.9, 2.1, 0.75),
+    obstacles=tuple(
+        Wall((x, y, 4.0), (length, 0.1, 8.0))
+        for x, y, length in ((-2.0, 2.0, 2.0), (0.25, -2.5, 1.5), (3.0, -0.25, 4.0), (0.0, 1.0, 2.0))
+    ),
+)
+
+
+def _lsy() -> Track:
+    """Level 2 of TU Munich's drone racing course, config/level2.toml of utiasDSL/lsy_drone_racing, as it is nominally.
+
+    Openings are 0.4 m and their frames reach to 0.36 m from the centre. Every gate stands on a stand, a box of 0.1 m to
+    0.36 m under the centre, and the four obstacles are poles of 15 mm radius that end 15 mm above the given height.
+    """
+    rows = [(0.5, 0.25, 0.7, -0.78), (1.05, 0.75, 1.2, 2.35), (-1.0, -0.25, 0.7, 3.14), (0.0, -0.75, 1.2, 0.0)]
+    poles = [(0.0, 0.75), (1.0, 0.25), (-1.5, -0.25), (-0.5, -0.75)]
+    stands = [Wall((x, y, (z - 0.36) / 2), (0.1, 0.1, z - 0.36), yaw) for x, y, z, yaw in rows]
+    return Track(
+        "lsy-2",
+        tuple(Gate((x, y, z), yaw, 0.4, 0.4) for x, y, z, yaw in rows),
+        bounds_low=(-3.0, -3.0, 0.0),
+        bounds_high=(3.0, 3.0, 2.5),
+        laps=1,
+        frame_width=0.16,
+        leave_distance=6.0,
+        obstacles=(*(Pole((x, y, 0.0), 1.565, 0.015) for x, y in poles), *stands),
+        start=StartPlaces((StartPlace((-1.5, 0.75, 0.01), 0.0),)),
+    )
+
+
+PUBLISHED_TRACKS: dict[str, Track] = {
+    track.name: track for track in (_SPLIT_S, _A2RL, _DELFT, _UZH, _POWERLOOP, _WALLED, _lsy())
+}
 TRACKS: dict[str, Track] = PAPER_TRACKS | PUBLISHED_TRACKS

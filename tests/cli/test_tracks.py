@@ -201,3 +201,12 @@ def test_tilt_and_solids_are_shown(capsys):
     assert shown.count("pole ") + shown.count("wall ") == 4
     assert main(["tracks", "random", "--seed", "1"]) == 0
     assert "pitch" not in capsys.readouterr().out
+
+
+def test_a_track_is_drawn(tmp_path, capsys):
+    out = tmp_path / "lsy.png"
+    assert main(["tracks", "draw", "lsy-2", "--out", str(out)]) == 0
+    assert capsys.readouterr().out == f"picture {out}\n"
+    assert out.read_bytes().startswith(b"\x89PNG")
+    assert main(["tracks", "draw", "lsy-2", "--out", str(tmp_path / "lsy.gif")]) == 2
+    assert "--out must name a .png file" in capsys.readouterr().err

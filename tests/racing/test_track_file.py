@@ -69,7 +69,7 @@ def test_unreadable_content_is_refused(case, tmp_path):
         ("Figure_Eight", "unknown track 'Figure_Eight': did you mean 'figure-eight'? built-in tracks"),
         (
             "monza",
-            "unknown track 'monza': built-in tracks: ring, figure-eight, split-s, a2rl-2025, delft-eight, uzh-2026; ",
+            "unknown track 'monza': built-in tracks: ring, figure-eight, split-s, a2rl-2025, delft-eight, uzh-2026, ",
         ),
         ("", "unknown track ''"),
         ("a\nb", "unknown track 'a\\nb'"),
@@ -181,6 +181,22 @@ def test_zurichs_track_is_raced_though_two_of_its_frames_overlap():
     assert track.start.places[0].position_w == pytest.approx((-5.0, 4.7, 0.61))
     apart = [math.dist(a.position_w, b.position_w) for a, b in itertools.combinations(track.start.places, 2)]
     assert min(apart) == pytest.approx(1.0, abs=2e-3)  # along the arc
+
+
+def test_munichs_course_has_its_stands_and_poles():
+    """A stand ends 0.36 m below the centre of its opening, where the frame does."""
+    track = TRACKS["lsy-2"]
+    assert track_faults(track) == []
+    stands = [solid for solid in track.obstacles if isinstance(solid, Wall)]
+    tops = [stand.position_w[2] + stand.size[2] / 2 for stand in stands]
+    assert tops == pytest.approx([gate.position_w[2] - gate.height / 2 - track.frame_width for gate in track.gates])
+    assert sum(isinstance(solid, Pole) for solid in track.obstacles) == 4
+
+
+def test_a_gate_that_faces_across_the_flight_is_a_warning():
+    """Gate 6 of Pennsylvania's walled track is flown against the way that leads on."""
+    assert track_faults(TRACKS["upenn-walls"]) == []
+    assert any(text.startswith("gate 6: faces away") for text in track_warnings(TRACKS["upenn-walls"]))
 
 
 SOLIDS = (Pole((12.0, 3.0, 0.0), 4.0, 0.1), Wall((14.0, -3.0, 1.0), (2.0, 0.2, 2.0), yaw=0.5))

@@ -146,8 +146,8 @@ MALFORMED: dict[str, tuple[str, list[str]]] = {
         ["gate 1: overlaps gate 2: their openings share room, their centres are 0.866 m apart"],
     ),
     "gate that faces backwards": (
-        NAME + GATE + SECOND.replace("yaw_deg = 0", "yaw_deg = 181") + THIRD,
-        ["gate 2: faces away from the flight direction: yaw_deg is 181, flown at 63.43"],
+        NAME + GATE + SECOND.replace("yaw_deg = 0", "yaw_deg = 241") + THIRD,
+        ["gate 2: faces away from the flight direction: yaw_deg is 241, flown at 63.43"],
     ),
     "gate out of reach": (
         "leave_distance = 5\n" + NAME + GATE + SECOND + THIRD,

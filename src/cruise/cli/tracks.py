@@ -1,4 +1,4 @@
-"""`cruise tracks list | show NAME | check FILE | random`."""
+"""`cruise tracks list | show NAME | check FILE | draw NAME | random`."""
 
 import math
 import sys
@@ -10,7 +10,9 @@ import tyro
 from rich.table import Column, Table
 
 from cruise.cli.console import make_console
+from cruise.cli.outputs import check_output
 from cruise.config import Track
+from cruise.files import write_whole
 from cruise.presets import TRACKS
 from cruise.racing.random_track import USUAL_GATES, random_track
 from cruise.racing.solids import outlines
@@ -82,6 +84,27 @@ class Check:
 
 
 @dataclass(frozen=True)
+class Draw:
+    """Draw a picture of a track."""
+
+    track: TrackArgument
+    """Name of a built-in track, or path of a TOML file."""
+    out: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
+    """The picture (.png); by default NAME.png."""
+
+    def run(self) -> int:
+        """Write the picture."""
+        track = load_one_track(self.track)
+        out = self.out or Path(f"{Path(self.track).stem}.png")
+        check_output("--out", out, ".png")
+        from cruise.report.track_figure import draw_track  # noqa: PLC0415  (imports Matplotlib)
+
+        write_whole(out, draw_track(track))
+        print(f"picture {out}")
+        return 0
+
+
+@dataclass(frozen=True)
 class Random:
     """Draw a track at random that can be flown."""
 
@@ -118,6 +141,7 @@ class Tracks:
         Annotated[List, tyro.conf.subcommand("list")]
         | Annotated[Show, tyro.conf.subcommand("show")]
         | Annotated[Check, tyro.conf.subcommand("check")]
+        | Annotated[Draw, tyro.conf.subcommand("draw")]
         | Annotated[Random, tyro.conf.subcommand("random")]
     )
 

@@ -18,6 +18,7 @@ from cruise.config import Gate, Track, TrainConfig, Vec3
 from cruise.errors import CruiseError
 from cruise.racing.random_obstacles import MOST_OBSTACLES, with_obstacles
 from cruise.racing.track_file import RANDOM, load_track, track_faults
+from cruise.racing.track_geometry import ACROSS, facing_away
 from cruise.racing.ways import Way, way_between
 
 MIN_GATES, MAX_GATES = 3, 40
@@ -70,7 +71,7 @@ def random_track(
     rng, tilts = np.random.default_rng(drawn_from), np.random.default_rng([*drawn_from, round(1e6 * tilt)])
     for _ in range(ATTEMPTS):
         track = _track(f"random-{seed}", _tilted(tilts, _gates(rng, gates, difficulty), tilt))
-        if not track_faults(track) and is_flyable(track):
+        if not track_faults(track) and _faces_the_flight(track) and is_flyable(track):
             solids = np.random.default_rng([*drawn_from, round(1e6 * tilt), obstacles])
             return with_obstacles(solids, track, obstacles)
     raise CruiseError(f"no track of {gates} gates and difficulty {difficulty} was found from seed {seed}: try another")
@@ -99,6 +100,11 @@ def random_tracks(seed: int, number: int, gates: int = USUAL_GATES) -> Track:
     return dataclasses.replace(
         every, gates=tracks[0].gates, leave_distance=widest, variants=tuple(track.gates for track in tracks)
     )
+
+
+def _faces_the_flight(track: Track) -> bool:
+    gates = dict(enumerate(track.gates))
+    return not any(facing_away(gates, len(gates), ACROSS))
 
 
 def is_flyable(track: Track) -> bool:

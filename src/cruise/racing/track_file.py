@@ -93,10 +93,14 @@ def track_faults(track: Track) -> list[str]:
 
 
 def track_warnings(track: Track) -> list[str]:
-    """What is worth a word about a track without faults, one line each: frames that overlap, gates without a start."""
+    """What is worth a word about a track without faults, one line each.
+
+    Frames that overlap, gates that face across the flight, gates without a start.
+    """
     gates = dict(enumerate(track.gates))
     frames = geometry.touching_frames(gates, len(gates), track.frame_width)
-    return [*frames, *start_room.start_warnings(track)]
+    facing = geometry.facing_away(gates, len(gates), geometry.ACROSS)
+    return [*frames, *facing, *start_room.start_warnings(track)]
 
 
 def document_faults(document: schema.Table) -> list[str]:

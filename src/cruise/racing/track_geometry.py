@@ -11,6 +11,7 @@ from cruise.racing.track_boxes import MIN_DEPTH, TOUCH, Box, frame_boxes, openin
 # In single precision, 0.03 mm is told apart at this distance: a drone at 0.1 m/s moves 0.2 mm in a step of 2 ms.
 FARTHEST = 500.0  # of gates from the origin, along every axis [m]
 WAY_SAMPLES = 32
+ACROSS, BACKWARDS = math.radians(90), math.radians(135)  # of a gate's normal to the flight through it
 
 Gates = Mapping[int, Gate]  # by number in the order of flight, 0 first
 
@@ -97,8 +98,8 @@ def far_away(gates: Gates) -> Iterator[str]:
             )
 
 
-def facing_away(gates: Gates, count: int) -> Iterator[str]:
-    """Gates whose normal points against the bisector of the way in and the way out.
+def facing_away(gates: Gates, count: int, beyond: float = BACKWARDS) -> Iterator[str]:
+    """Gates whose normal is more than `beyond` [rad] off the bisector of the way in and the way out.
 
     Of `count` gates only those in `gates` are known; a gate is judged when both its neighbours are. Where the bisector
     vanishes (one gate, two gates, a hairpin) either face will do.
@@ -109,7 +110,11 @@ def facing_away(gates: Gates, count: int) -> Iterator[str]:
             continue
         heading = _flight_heading(before.position_w, gate.position_w, after.position_w)
         faces = gate.yaw + (math.pi if math.cos(gate.pitch) < 0 else 0.0)
-        if heading is not None and abs(math.cos(gate.pitch)) > 1e-6 and math.cos(heading - faces) < -1e-6:
+        if (
+            heading is not None
+            and abs(math.cos(gate.pitch)) > 1e-6
+            and math.cos(heading - faces) < math.cos(beyond) - 1e-6
+        ):
             yaw, flight = math.degrees(gate.yaw), math.degrees(heading)
             yield f"{gate_place(i)}: faces away from the flight direction: yaw_deg is {yaw:.4g}, flown at {flight:.4g}"
 

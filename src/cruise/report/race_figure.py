@@ -5,13 +5,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
-from cruise.palette import GATE, SOLID
 from cruise.palette import drone_colour as colour
-from cruise.racing.shapes import footprint, opening
-from cruise.racing.ways import normal_of
 from cruise.report import race_charts as charts
 from cruise.report.figure_style import INK, Style, our_look, tidy, to_png
 from cruise.report.race_scene import Scene, crashes, flown, make_scene, style
+from cruise.report.track_figure import track_from_above
 from cruise.storage.log_track import gates_of, solids_of
 from cruise.storage.race_log import RaceLog
 
@@ -59,30 +57,11 @@ def _top_view(axes: Axes, scene: Scene) -> None:
     for drone, sample in crashes(log):
         x, y = log.position_w[sample, drone, :2]
         axes.plot(x, y, "X", markersize=12, color=colour(drone), markeredgecolor="white", zorder=6)
-    _track_from_above(axes, log)
+    track_from_above(axes, gates_of(log), solids_of(log))
     title = f"Seen from above (rings: start; dots: every {seconds:g} s at the end; crosses: collisions)"
     tidy(axes, title, "x [m]", "y [m]")
     axes.set_aspect("equal", adjustable="datalim")
     axes.margins(0.08)
-
-
-def _track_from_above(axes: Axes, log: RaceLog) -> None:
-    """Poles and walls; openings as they are seen from above, as bars where they stand upright; gates' numbers."""
-    for solid in solids_of(log):
-        axes.fill(*footprint(solid).T, facecolor=SOLID, edgecolor=GATE, linewidth=0.6, zorder=3)
-    middle = log.gate_position[:, :2].mean(axis=0)
-    for number, gate in enumerate(gates_of(log), start=1):
-        centre, forward = np.array(gate.position_w[:2]), normal_of(gate)[:2]
-        rim = opening(gate)[:, :2]
-        axes.fill(*rim.T, facecolor="none", edgecolor=GATE, linewidth=4 if gate.pitch == 0 else 2, zorder=4)
-        arrow = {"arrowstyle": "-|>", "color": GATE, "linewidth": 1.2}
-        tip, foot = (tuple((centre + share * forward).tolist()) for share in (1.1, 0.1))
-        axes.annotate("", tip, foot, arrowprops=arrow, zorder=4)
-        side = np.array([-np.sin(gate.yaw), np.cos(gate.yaw)])
-        outward = side if side @ (centre - middle) >= 0 else -side
-        place = centre + outward * (float(np.abs((rim - centre) @ side).max()) + 0.8)
-        axes.text(place[0], place[1], str(number), ha="center", va="center", fontsize=12, fontweight="bold", color=GATE)
-        axes.update_datalim([place])
 
 
 def _time_marks(axes: Axes, scene: Scene) -> float:
