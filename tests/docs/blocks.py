@@ -1,6 +1,7 @@
-"""The code blocks of the documentation, and how each kind is run: what is long in miniature, nothing passed over."""
+"""The code blocks of the documentation, and how each kind is run: what is long in miniature, what repeats once."""
 
 import contextlib
+import functools
 import io
 import re
 import shlex
@@ -9,10 +10,12 @@ import subprocess
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from cruise.cli.main import main
+from cruise.cli.main import main, parse
+from cruise.cli.train import Train
 from cruise.racing.track_file import load_track, track_faults
+from cruise.training.validation import check_config
 from cruise.vehicles.file import file_faults
 
 ROOT = Path(__file__).parent.parent.parent
@@ -33,6 +36,10 @@ AS_IT_IS = ({"reproduce", "--report-only"}, {"limit", "paper"})  # take seconds,
 WATCHED = "--watch"  # serves until somebody stops it: tests/viewer/test_live.py does
 WITH_OTHERS = "--coordinator"  # waits for the other processes: tests/training/test_processes.py has them
 SWEEP = "sweep"  # starts Ray: tests/experiments/test_sweep.py does
+# Commands that compile for seconds. One line of each kind runs; lines that differ from it by these values alone are
+# parsed, and what they name is looked up.
+COSTLY = ("evaluate", "train")
+VALUES = {"--vehicle", "--track", "--drones", "--episodes", "--seed", "--step-scale"}
 
 
 class Block(NamedTuple):
@@ -108,6 +115,9 @@ def _commands(block: Block) -> Iterator[list[str]]:
 def _cruise(block: Block, arguments: list[str]) -> None:
     command = arguments[0]
     short = [word for word in arguments if word != "--open"]
+    if command in COSTLY and (block.page, arguments) != _first_of_kinds()[_kind(arguments)]:
+        _look_up(parse(short))
+        return
     if WATCHED in short or WITH_OTHERS in short or command == SWEEP:
         short = [command, "--help"]
     elif not any(flags <= set(short) for flags in AS_IT_IS):
@@ -118,6 +128,30 @@ def _cruise(block: Block, arguments: list[str]) -> None:
     assert code == 0, f"{block.page}:{block.line}: cruise {shlex.join(short)}: {said.getvalue()[-500:]}"
     for flag in (word for word in arguments if word.startswith("--") and short[-1] == "--help"):
         assert flag in said.getvalue(), f"{block.page}:{block.line}: {flag}"
+
+
+def _kind(arguments: list[str]) -> frozenset[str]:
+    """What a line asks for beside values: the command and its other flags."""
+    return frozenset(word for word in arguments if word.startswith("--")) - VALUES | {arguments[0]}
+
+
+@functools.cache
+def _first_of_kinds() -> dict[frozenset[str], tuple[str, list[str]]]:
+    """The page and the words of the first line of each kind of the costly commands."""
+    found: dict[frozenset[str], tuple[str, list[str]]] = {}
+    for block in (block for page in PAGES for block in blocks(page) if not block.language):
+        for program, *arguments in _commands(block):
+            if program == "cruise" and arguments[0] in COSTLY:
+                found.setdefault(_kind(arguments), (block.page, arguments))
+    return found
+
+
+def _look_up(command: Any) -> None:
+    """Whatever a parsed line names is there and goes together."""
+    if isinstance(command, Train):
+        check_config(command.config)
+    else:
+        command.line_up.match()
 
 
 def _pip(arguments: list[str]) -> None:
