@@ -13,6 +13,7 @@ from cruise.export.c_arrays import Arrays
 from cruise.export.c_expressions import BOOL, FLOAT, leaf
 from cruise.export.c_harness import FLAGS, compiler
 from cruise.export.c_printer import statements
+from cruise.export.c_program import run
 from cruise.export.onnx_printer import OPSET, write
 from cruise.export.trace import trace
 from cruise.vector import norm, sin_cos, stored
@@ -119,7 +120,7 @@ def test_c(inputs, wanted, tmp_path):
     for number, (name, function) in enumerate(FUNCTIONS.items()):
         arrays = Arrays(f"p{number}")
         program = trace(lambda v, function=function: {"y": function(v["x"], v["flags"])}, SHAPES)
-        out = arrays.run(program, {"x": leaves("x", FLOAT), "flags": leaves("flags", BOOL)})["y"]
+        out = run(arrays, program, {"x": leaves("x", FLOAT), "flags": leaves("flags", BOOL)})["y"]
         arrays.prefix = "p"
         lines = statements(arrays, [(f"y[{i}]", node) for i, node in enumerate(out)])
         calls.append(f"/* {name} */ {{\n" + "\n".join(lines) + "\nfwrite(y, sizeof y, 1, stdout);\n}")
@@ -149,4 +150,4 @@ def test_what_is_not_known_is_said():
     with pytest.raises(CruiseError, match="cannot be exported to ONNX: cumsum"):
         write(trace(lambda v: {"y": jnp.cumsum(v["x"])}, SHAPES))
     with pytest.raises(CruiseError, match="cannot be exported to C: cumsum"):
-        Arrays("p").run(trace(lambda v: {"y": jnp.cumsum(v["x"])}, SHAPES), {"x": leaves("x", FLOAT)})
+        run(Arrays("p"), trace(lambda v: {"y": jnp.cumsum(v["x"])}, SHAPES), {"x": leaves("x", FLOAT)})

@@ -15,6 +15,7 @@ from cruise.env.race_env import RaceEnv
 from cruise.export.c_arrays import Arrays
 from cruise.export.c_expressions import BOOL, FLOAT, INT, leaf, literal
 from cruise.export.c_printer import statements
+from cruise.export.c_program import run
 from cruise.export.parts import Parts, make_parts
 from cruise.export.pilot_program import make_model, ports_of, shapes_of_one
 from cruise.export.ports import OWN, Sizes, commands_of
@@ -127,7 +128,7 @@ def _body(arrays: Arrays, function: Any, shapes: dict[str, Any], comments: dict[
     inputs = {key: _leaves(key, shape.shape) for key, shape in shapes.items()}
     if name == "command":
         inputs["action"] = _leaves("state->action", (shapes["action"].shape))
-    ((target, nodes),) = arrays.run(program, inputs).items()
+    ((target, nodes),) = run(arrays, program, inputs).items()
     lines = statements(arrays, [(f"{target}[{i}]", node) for i, node in enumerate(nodes)], comments)
     text = "\n".join(lines)
     unused = [f"(void){word};" for word in ("gates", "num_gates") if name == "observe" and word not in text]

@@ -5,7 +5,8 @@ from typing import Any
 import numpy as np
 
 from cruise import __version__
-from cruise.export.onnx_printer import OPSET, Graph, write
+from cruise.export.onnx_graph import Graph
+from cruise.export.onnx_printer import OPSET, write
 from cruise.export.pilot_program import Model
 from cruise.storage.config_file import to_json
 from cruise.storage.onnx_file import METADATA, Contract, Port
