@@ -1,6 +1,7 @@
 """Starts lie within the track and off its solids, or are refused in one line."""
 
 import dataclasses
+import itertools
 
 import jax
 import jax.numpy as jnp
@@ -8,12 +9,14 @@ import numpy as np
 import pytest
 
 from cruise.config import Gate, Pole, StartLine, Track, Wall
+from cruise.env.race_env import make_race_env
 from cruise.errors import CruiseError
 from cruise.presets import TRACKS
 from cruise.racing.contacts import meet_solids, out_of_bounds
 from cruise.racing.course import make_course
-from cruise.racing.grid import Start, start_grid
-from cruise.racing.start_room import start_plan
+from cruise.racing.grid import Start, spread_start, start_grid
+from cruise.racing.start_room import spread_plan, start_plan
+from cruise.vehicles import find_vehicle
 from tests.helpers import quick_jit
 
 DRAWS = 400
@@ -80,3 +83,37 @@ def test_too_many_drones_are_refused_in_one_line(track: Track, drones: int, mess
     with pytest.raises(CruiseError) as caught:
         start_plan(track, drones)
     assert str(caught.value) == message
+
+
+@pytest.mark.parametrize(("track", "drones"), [("ring", 1), ("ring", 8), ("uzh-2026", 4), ("split-s", 13)])
+def test_spread_starts_are_far_apart_or_in_file_and_before_every_gate_with_room(track: str, drones: int) -> None:
+    plan = spread_plan(TRACKS[track], drones)
+    assert plan is not None
+    start = spread_start(make_course(TRACKS[track]), jax.random.key(1), drones, (500,), plan)
+    position, gate = np.asarray(start.position_w), np.asarray(start.gate)
+    assert set(np.unique(gate)) == set(plan.gates)
+    for i, j in itertools.combinations(range(drones), 2):
+        apart = np.linalg.norm(position[:, i] - position[:, j], axis=0)
+        assert apart[gate[i] == gate[j]].min(initial=np.inf) > 1.3
+        assert apart.min() > 1.0
+    waiting = np.sort([np.bincount(column, minlength=1).max() for column in gate.T])
+    assert waiting[-1] <= plan.rows
+    assert waiting[0] == -(-drones // len(plan.gates))  # some races have as few in a file as there can be
+    gates = TRACKS[track].gates
+    centre = np.array([g.position_w for g in gates])[gate]
+    normal = np.array([(np.cos(g.yaw), np.sin(g.yaw)) for g in gates])[gate]
+    offset = np.moveaxis(position, 0, 2) - centre
+    forward = (offset[..., :2] * normal).sum(axis=2)
+    assert forward.max() < -1.3  # before the gate
+    np.testing.assert_allclose(np.linalg.norm(offset[..., :2] - forward[..., None] * normal, axis=2), 0.0, atol=0.12)
+
+
+def test_no_room_for_a_file_anywhere_leaves_every_gate() -> None:
+    assert spread_plan(dataclasses.replace(TRACKS["ring"], leave_distance=1.0), 2) is None
+
+
+def test_a_share_of_races_starts_spread() -> None:
+    env = make_race_env(TRACKS["ring"], 3, find_vehicle("paper"))
+    gates = np.asarray(env.reset(jax.random.key(0), (400,), spread=0.3).next_gate)
+    together = (gates == gates[0]).all(axis=0).mean()
+    assert together == pytest.approx(0.7, abs=0.07)

@@ -58,6 +58,7 @@ COMMANDS = {
     "robustness": Entry(
         "cruise.cli.robustness", "Robustness", "Measure pilots when vehicle, air, gates or sensors are off."
     ),
+    "racecraft": Entry("cruise.cli.racecraft", "Racecraft", "Fly pilots through situations with known answers."),
     "sim-to-sim": Entry("cruise.cli.sim_to_sim", "SimToSim", "Fly pilots unchanged in simulators that are not ours."),
     "tracks": Entry("cruise.cli.tracks", "Tracks", "List, show, check and draw tracks."),
     "limit": Entry("cruise.cli.limit", "FindLimit", "Compute the time-optimal lap of a vehicle on a track."),

@@ -28,9 +28,9 @@ from cruise.racing.contacts import meet_opponents, meet_solids, on_ground, out_o
 from cruise.racing.course import Course, make_course
 from cruise.racing.field import rows
 from cruise.racing.gates import follow_gates
-from cruise.racing.grid import Start, start_grid
+from cruise.racing.grid import Start, spread_start, start_grid
 from cruise.racing.passes import passes_per_step
-from cruise.racing.start_room import start_plan
+from cruise.racing.start_room import StartPlan, spread_plan, start_plan
 from cruise.terms import Entry, Observation, Setting
 
 FLIP_ANGLE = jnp.pi / 2
@@ -48,7 +48,7 @@ class RaceEnv(NamedTuple):
     vehicle: Vehicle
     course: Course
     dynamics: Dynamics
-    reset: Callable[..., RaceState]  # (key, batch=(), gate=None) -> state
+    reset: Callable[..., RaceState]  # (key, batch=(), gate=None, spread=None) -> state
     begin: Callable[..., RaceState]  # (start grid, conditions) -> state
     step: Callable[[RaceState, Array, Rules], tuple[RaceState, StepOutcome]]
     observe: Observe  # [O, N, *B], of the kind the environment was made with
@@ -97,6 +97,15 @@ def _freeze(frozen: Bool[Array, "N *B"], old: DroneState, new: DroneState) -> Dr
     return kept
 
 
+def _some_spread(course: Course, key: Array, start: Start, share: Array | float, plan: StartPlan | None) -> Start:
+    """Each race with probability `share` from a spread start in place of `start`."""
+    spread_key, chosen_key = jax.random.split(jax.random.fold_in(key, 1))
+    drones, *batch = start.heading.shape
+    along = spread_start(course, spread_key, drones, tuple(batch), plan)
+    chosen = jax.random.uniform(chosen_key, tuple(batch)) < share
+    return Start(*(jnp.where(chosen, one, other) for one, other in zip(along, start, strict=True)))
+
+
 def make_race_env(
     track: Track,
     num_drones: int,
@@ -121,7 +130,7 @@ def make_race_env(
     paid = reward if isinstance(reward, Reward) else make_reward(reward or RewardWeights())
     env_course = make_course(track)
     passes = passes_per_step(track, vehicle.control_dt)
-    plan = start_plan(track, num_drones)
+    plan, along = start_plan(track, num_drones), spread_plan(track, num_drones)
     dynamics = dynamics or make_dynamics(vehicle)
     perturb = perturb or perturbation(track, vehicle, Randomisation())
 
@@ -133,11 +142,17 @@ def make_race_env(
         counts = jnp.zeros(shape, jnp.int32)
         return RaceState(drones, gate, counts, none, none, counts[0], conditions.surroundings)
 
-    def reset(key: Array, batch: tuple[int, ...] = (), gate: int | None = None) -> RaceState:
+    def reset(
+        key: Array, batch: tuple[int, ...] = (), gate: int | None = None, spread: Array | float | None = None
+    ) -> RaceState:
+        """`spread`: share of the races whose drones start all along the track; None: none."""
         start_key, conditions_key = jax.random.split(key)
         conditions = perturb(conditions_key, (num_drones, *batch)) if perturb else AS_SAID
         here = _with_gates(env_course, conditions.surroundings)
-        return begin(start_grid(here, start_key, num_drones, batch, gate, plan), conditions)
+        start = start_grid(here, start_key, num_drones, batch, gate, plan)
+        if spread is not None:
+            start = _some_spread(here, start_key, start, spread, along)
+        return begin(start, conditions)
 
     def step(state: RaceState, action: Float[Array, "A N *B"], rules: Rules) -> tuple[RaceState, StepOutcome]:
         airborne, course = state.airborne, _with_gates(env_course, state.surroundings)

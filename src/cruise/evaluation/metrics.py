@@ -126,11 +126,19 @@ def crossing_times(log: RaceLog) -> np.ndarray:
 def overtakes(log: RaceLog) -> list[Overtake]:
     """Every overtaking of a race, in order of time."""
     times = crossing_times(log)
-    behind = times[:, None] - times[None]  # > 0 where the first drone is behind the second
-    drone, other, before = np.nonzero((behind[..., :-1] > 0) & (behind[..., 1:] < 0))
-    gate = (log.next_gate[0, 0] + before + 1) % log.num_gates
-    columns = (times[drone, before + 1], drone, other, gate, before + 1)
-    return sorted(Overtake(*row) for row in zip(*(column.tolist() for column in columns), strict=True))
+    found = []
+    for drone, other, before in exchanges(times):
+        gate = int(log.next_gate[0, 0] + before + 1) % log.num_gates
+        found.append(Overtake(float(times[drone, before + 1]), drone, other, gate, before + 1))
+    return sorted(found)
+
+
+def exchanges(times: np.ndarray) -> list[tuple[int, int, int]]:
+    """Who was behind whom in column c of `times` [N, C] and before it in the next: (drone, other, c)."""
+    with np.errstate(invalid="ignore"):  # of two that started beyond a gate
+        behind = times[:, None] - times[None]  # > 0 where the first drone is behind the second
+    found = np.nonzero((behind[..., :-1] > 0) & (behind[..., 1:] < 0))
+    return list(zip(*(column.tolist() for column in found), strict=True))
 
 
 def crash_times(log: RaceLog) -> np.ndarray:

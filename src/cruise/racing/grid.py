@@ -25,7 +25,7 @@ class Start(NamedTuple):
 
     position_w: Float[Array, "3 N *B"]  # [m]
     heading: Float[Array, "N *B"]  # [rad]
-    gate: Int[Array, "*B"]  # the first gate to pass
+    gate: Int[Array, "..."]  # the first gate to pass, [*B] or of every drone [N *B]
 
 
 def start_grid(
@@ -51,6 +51,43 @@ def start_grid(
     in_row = jnp.minimum(num_drones - row * lanes, lanes)
     sideways = (lane - (in_row - 1) / 2) * (LANE_SPACING * scale)
     back = jax.random.uniform(back_key, batch, minval=NEAREST, maxval=farthest) + row * (ROW_SPACING * scale)
+    return before_gates(course, gates, back, sideways, jitter)
+
+
+def spread_start(
+    course: Course, key: Array, num_drones: int, batch: tuple[int, ...] = (), plan: StartPlan | None = None
+) -> Start:
+    """Random starts all along the track: one by one, each before a gate of its own, or several in file before a gate.
+
+    How many wait behind each other is drawn for every race, from as few as there are gates for to what the `plan` has
+    room for.
+    """
+    gate_key, back_key, jitter_key, depth_key = jax.random.split(key, 4)
+    jitter = jax.random.uniform(jitter_key, (3, num_drones, *batch), minval=-JITTER, maxval=JITTER)
+    with_room = jnp.arange(course.num_gates) if plan is None else jnp.array(plan.gates)
+    shuffled = with_room[jnp.argsort(jax.random.uniform(gate_key, (len(with_room), *batch)), axis=0)]
+    least = -(-num_drones // len(with_room))
+    depth = jax.random.randint(depth_key, batch, least, max(least, plan.rows if plan else 1) + 1)
+    row, place = jnp.divmod(jnp.arange(num_drones).reshape(-1, *(1,) * len(batch)), -(-num_drones // depth))
+    gates = jnp.take_along_axis(shuffled, place, axis=0)
+    _, scale, farthest = _grid_of(gates, plan)
+    back = jax.random.uniform(back_key, gates.shape, minval=NEAREST, maxval=farthest)
+    first = jnp.take_along_axis(back, place, axis=0)  # of its file
+    back = first + row * (ROW_SPACING * scale)
+    return before_gates(course, gates, back, jnp.zeros_like(back), jitter)
+
+
+def before_gates(
+    course: Course,
+    gates: Int[Array, "..."],
+    back: Float[Array, "N *B"],
+    sideways: Float[Array, "N *B"],
+    jitter: Float[Array, "3 N *B"] | float = 0.0,
+) -> Start:
+    """Drones at rest so far before gates and so far to the left of their middle [m], facing them, off the ground.
+
+    One gate for all drones of a race, [*B], or for every drone its own, [N *B].
+    """
     centre, normal = pick(course.position_w, gates), pick(course.normal_w, gates)
     x = centre[0] - normal[0] * back - normal[1] * sideways
     y = centre[1] - normal[1] * back + normal[0] * sideways

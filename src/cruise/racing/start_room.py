@@ -3,6 +3,7 @@
 import itertools
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -37,12 +38,17 @@ GRIDS = tuple(
 )
 
 
+FILE = Grid(lanes=1)  # one behind the other
+PAIR = 2  # drones in a file of training, where there is room
+
+
 class StartPlan(NamedTuple):
     """How the drones of a race wait: at `places`, or on a grid before one of some gates."""
 
     gates: tuple[int, ...]  # that may be the first
     grids: tuple[Grid, ...]  # by gate of the track; those of gates that have no room are never used
     places: tuple[tuple[Vec3, float], ...] = ()  # position and yaw, at least one per drone
+    rows: int = 1  # drones that can wait behind each other before each of `gates`
 
 
 def start_plan(track: Track, drones: int) -> StartPlan | None:
@@ -64,6 +70,20 @@ def start_plan(track: Track, drones: int) -> StartPlan | None:
     if all(grid == USUAL for grid in grids):
         return None
     return StartPlan(open_gates, tuple(grid or USUAL for grid in grids))
+
+
+def spread_plan(track: Track, drones: int) -> StartPlan | None:
+    """Before which gates drones can wait in file: two of them, or as many as it takes for all to have a place.
+
+    None, which stands for all gates and rows without end, where there is no room for so many.
+    """
+    anywhere = replace(track, start=None)
+    for rows in (*range(min(PAIR, drones), drones + 1), 1):
+        fits = [grid is not None for grid in grids_that_fit(anywhere, rows, (FILE,))]
+        if rows * sum(fits) >= drones:
+            gates = tuple(g for g, fit in enumerate(fits) if fit)
+            return StartPlan(gates, (FILE,) * len(track.gates), rows=rows)
+    return None
 
 
 def start_places(track: Track, drones: int) -> list[tuple[Vec3, float]]:
@@ -105,16 +125,16 @@ def start_warnings(track: Track) -> Iterator[str]:
                 yield f"gate {g + 1}: has no room for a start grid of {USUAL_FIELD} drones: no race starts there"
 
 
-def grids_that_fit(track: Track, drones: int) -> list[Grid | None]:
-    """For every gate the first of `GRIDS` that fits, None where none does.
+def grids_that_fit(track: Track, drones: int, grids: Sequence[Grid] = GRIDS) -> list[Grid | None]:
+    """For every gate the first of `grids` that fits, None where none does.
 
     With variants one grid that fits before every gate of all of them.
     """
     if track.variants:
-        every = (grid for grid in GRIDS if all(_fits(track, v, g, grid, drones) for v in track.variants for g in v))
+        every = (grid for grid in grids if all(_fits(track, v, g, grid, drones) for v in track.variants for g in v))
         return [next(every, None)] * len(track.gates)
     return [
-        next((grid for grid in GRIDS if _fits(track, track.gates, gate, grid, drones)), None) for gate in track.gates
+        next((grid for grid in grids if _fits(track, track.gates, gate, grid, drones)), None) for gate in track.gates
     ]
 
 

@@ -95,15 +95,22 @@ def _step_metrics(outcome: StepOutcome, races: RaceState) -> dict[str, Shaped[Ar
     }
 
 
-def draw(env: RaceEnv, key: Array, num_races: int, rollout_steps: int, vary_field: bool = False) -> Draws:
-    """Starts and noise of one rollout.
+def draw(
+    env: RaceEnv,
+    key: Array,
+    num_races: int,
+    rollout_steps: int,
+    vary_field: bool = False,
+    spread: Array | float | None = None,
+) -> Draws:
+    """Starts and noise of one rollout. `spread`: share of the starts all along the track.
 
     One start per race: one that ends twice in a rollout begins at the same place twice, which costs nothing, where a
     fresh start for every race at every step would cost more than everything else together.
     """
     start_key, noise_key, field_key = jax.random.split(key, 3)
     noise = jax.random.normal(noise_key, (rollout_steps, env.dynamics.action_size, num_races))
-    start = env.reset(start_key, (num_races,))
+    start = env.reset(start_key, (num_races,), spread=spread)
     return Draws(thin_out(start, field_key) if vary_field else start, noise)
 
 
