@@ -26,6 +26,7 @@ FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 MINIATURE = {
     "train": "--step-scale 0.001 --races 64 --episodes 4 --evaluation-races 8 --evaluation-steps 20",
     "evaluate": "--episodes 2",
+    "racecraft": "--runs 1",
     "robustness": "--episodes 1",
     "sim-to-sim": "--episodes 1 --track ring",
     "race": "--laps 1",
