@@ -104,22 +104,67 @@ def fly_from(
     env: RaceEnv, team: Sequence[Pilot], rules: Rules, state: RaceState, key: Array, steps: int, chunk: int = CHUNK
 ) -> Flight:
     """Fly races on from `state`; see `fly`. The result does not depend on `chunk`."""
-    if len(team) != env.num_drones:
-        raise CruiseError(f"a race of {env.num_drones} drones needs {env.num_drones} pilots, not {len(team)}")
-    groups, python_pilots = separate_python_pilots(env, crews(team))
-    chunk = 1 if python_pilots else chunk  # pilots in plain Python are asked between two steps
-    memories = first_memories(env, groups, state)
-    carry = _Carry(state, memories, jnp.int32(0))
-    pieces: list[_Step] = []
-    while len(pieces) * chunk < steps:
-        if python_pilots:
-            carry = carry._replace(memories=ask_python(python_pilots, carry.memories, carry.state))
-        carry, piece, last = _fly_chunk(env, groups, rules, carry, key, chunk)
-        pieces.append(jax.tree.map(np.asarray, piece))
-        if not np.asarray(last.airborne).any():
+    race = RunningRace(env, team, rules, state, key, chunk)
+    while race.steps < steps:
+        race.advance()
+        if not race.flying:
             break
-    moved = jax.tree.map(np.asarray, carry.state.surroundings.gates)
-    return _join(env, pieces, jax.tree.map(np.asarray, last), steps)._replace(moved=moved)
+    return race.flight(steps)
+
+
+class RunningRace:
+    """A race, or a batch of races, that is flown on chunk by chunk: for whoever acts in between."""
+
+    def __init__(
+        self, env: RaceEnv, team: Sequence[Pilot], rules: Rules, state: RaceState, key: Array, chunk: int = 1
+    ) -> None:
+        """Begin at `state`; see `fly`. Raises CruiseError where the team does not fit the environment."""
+        if len(team) != env.num_drones:
+            raise CruiseError(f"a race of {env.num_drones} drones needs {env.num_drones} pilots, not {len(team)}")
+        self.env, self.rules, self.key = env, rules, key
+        self.crews, self._python = separate_python_pilots(env, crews(team))
+        self.chunk = 1 if self._python else chunk  # pilots in plain Python are asked between two steps
+        self.memories: tuple = first_memories(env, self.crews, state)
+        self._carry = _Carry(state, self.memories, jnp.int32(0))
+        self._pieces: list[_Step] = []
+        self._last: _Sample | None = None
+
+    @property
+    def state(self) -> RaceState:
+        """Where the race is; what is assigned is where it goes on from."""
+        return self._carry.state
+
+    @state.setter
+    def state(self, state: RaceState) -> None:
+        self._carry = self._carry._replace(state=state)
+
+    @property
+    def steps(self) -> int:
+        """Control steps flown so far."""
+        return len(self._pieces) * self.chunk
+
+    @property
+    def flying(self) -> bool:
+        """Whether anybody was in the air after the last step."""
+        return self._last is None or bool(self._last.airborne.any())
+
+    def advance(self) -> tuple[_Step, _Sample]:
+        """Fly `chunk` steps on, by pilots with `memories`; gives what happened [chunk, ...] and the sample after it."""
+        memories = self.memories
+        if self._python:
+            memories = ask_python(self._python, memories, self.state)
+        carry = self._carry._replace(memories=memories)
+        self._carry, piece, last = _fly_chunk(self.env, self.crews, self.rules, carry, self.key, self.chunk)
+        self.memories = self._carry.memories
+        self._last = jax.tree.map(np.asarray, last)
+        self._pieces.append(jax.tree.map(np.asarray, piece))
+        return self._pieces[-1], self._last
+
+    def flight(self, steps: int) -> Flight:
+        """What has been flown, cut after so many steps or where the last race was over."""
+        assert self._last is not None
+        moved = jax.tree.map(np.asarray, self.state.surroundings.gates)
+        return _join(self.env, self._pieces, self._last, steps)._replace(moved=moved)
 
 
 @eqx.filter_jit
@@ -192,12 +237,15 @@ def act_together(
 
 def _observing_once(env: RaceEnv) -> RaceEnv:
     """The environment for one step, in which each kind of observation is computed at most once."""
-    seen: dict[str, Array] = {}
+    seen: dict[str, list[tuple[RaceState, Array]]] = {}
 
     def observe(kind: str, state: RaceState) -> Array:
-        if kind not in seen:
-            seen[kind] = env.observe_as[kind](state)
-        return seen[kind]
+        known = seen.setdefault(kind, [])
+        found = next((numbers for other, numbers in known if other is state), None)
+        if found is None:
+            found = env.observe_as[kind](state)
+            known.append((state, found))  # one for every state: a pilot may be shown another than the others
+        return found
 
     return env._replace(observe_as={kind: functools.partial(observe, kind) for kind in env.observe_as})
 

@@ -2,6 +2,7 @@
 
 import { makeApi } from "./api.js";
 import { App } from "./app.js";
+import { Fly } from "./fly/fly.js";
 import { Live } from "./live.js";
 
 const FORMAT = 1; // of the data, see docs/replay.md
@@ -9,6 +10,7 @@ const FORMAT = 1; // of the data, see docs/replay.md
 async function begin() {
   const data = JSON.parse(document.getElementById("data").textContent);
   if (data.format !== FORMAT) throw new Error(`this page reads format ${FORMAT}, the data has ${data.format}`);
+  if (data.fly) return fly(data.fly);
   const app = new App(document.body);
   window.replay = makeApi(app);
   app.races = data.races;
@@ -25,8 +27,16 @@ async function begin() {
   document.documentElement.dataset.ready = "true";
 }
 
+/** The page of a person who flies. `window.fly` is for scripts and tests. */
+function fly({ line }) {
+  document.body.replaceChildren(document.getElementById("flying").content);
+  document.documentElement.dataset.loaded = "true";
+  window.fly = new Fly(document.body, line);
+  document.documentElement.dataset.ready = "true";
+}
+
 begin().catch((error) => {
-  const place = document.getElementById("empty");
+  const place = document.getElementById("empty") ?? document.body;
   place.hidden = false;
   place.textContent = `The replay cannot be shown: ${error.message}`;
   document.documentElement.dataset.ready = "failed";

@@ -52,6 +52,7 @@ class Entry(NamedTuple):
 
 COMMANDS = {
     "race": Entry("cruise.cli.race", "Race", "Race policies against each other; print the result and draw it."),
+    "fly": Entry("cruise.cli.fly", "Fly", "Fly yourself, in the browser, against pilots and friends."),
     "replay": Entry("cruise.cli.replay", "Replay", "Replay race logs in the browser."),
     "train": Entry("cruise.cli.train", "Train", "Train a policy through the curriculum, or resume a run."),
     "evaluate": Entry("cruise.cli.evaluate", "Evaluate", "Measure pilots over many races, with confidence intervals."),

@@ -14,7 +14,7 @@ from cruise.cli.console import make_console
 from cruise.cli.line_up import described
 from cruise.cli.progress import make_screen
 from cruise.cli.watch import Watch
-from cruise.config import TrainConfig
+from cruise.config import Track, TrainConfig
 from cruise.errors import CruiseError
 from cruise.presets import MAX_RANDOMISE, REWARDS, training_config, training_randomisation
 from cruise.racing.random_track import training_track
@@ -61,6 +61,9 @@ class Train:
     terms: Annotated[tuple[Path, ...], tyro.conf.UseAppendAction, described("FILE.py")] = ()
     """Python file that declares observations and reward terms of your own; its code is run. Name the observation with
     --observation. All reward terms are added, or those of --reward-terms. Repeatable."""
+    demonstrations: Annotated[Path | None, described("DIR")] = None
+    """Start from a policy that flies as people did in the race logs of this folder (`cruise fly`): behaviour cloning,
+    written as cloned.safetensors into the run's folder."""
     episodes: int = 100
     """Races in which the finished policy is measured."""
     devices: Annotated[int | None, described("N")] = None
@@ -104,6 +107,8 @@ class Train:
         folder = self.resume or self.out or default_folder(config)
         devices = choose_devices(config.ppo.races, self.devices)
         track = run_track(folder, config) if self.resume else training_track(config)
+        if self.demonstrations is not None:
+            config = self._imitate(folder, config, track)
         vehicle = find_vehicle(config.vehicle)
         session = Session(folder, config, track, vehicle, resume=bool(self.resume), devices=devices)
         try:
@@ -126,6 +131,21 @@ class Train:
         print(f"measure  cruise evaluate {where} --policy {policy}\nrace     cruise race {where} --policy {policy}")
         return 0
 
+    def _imitate(self, folder: Path, config: TrainConfig, track: Track) -> TrainConfig:
+        """The run, started from a clone of people."""
+        from cruise.training.imitation import load_demonstrations, write_clone  # noqa: PLC0415  (imports JAX)
+        from cruise.training.session import must_be_new  # noqa: PLC0415
+
+        assert self.demonstrations is not None
+        if config.start_from or self.coordinator:
+            raise CruiseError("--demonstrations goes with neither --start-from nor --coordinator")
+        must_be_new(folder)
+        path, clone = write_clone(folder, config, track, load_demonstrations(self.demonstrations))
+        print(
+            f"cloned   {path}: {clone.samples} control steps, error {clone.error:.3f} (constant: {clone.scatter:.3f})"
+        )
+        return dataclasses.replace(config, start_from=str(path))
+
     def _join(self) -> None:
         """Meet the other processes of this run."""
         from cruise.training.hosts import join  # noqa: PLC0415  (imports JAX)
@@ -147,6 +167,7 @@ class Train:
 
     def _refuse_flags_with_resume(self) -> None:
         changed = self.config != TrainConfig() or self.randomise is not None or self.reward_preset != "default"
+        changed = changed or self.demonstrations is not None
         if self.resume and (changed or self.out):
             raise CruiseError(
                 "--resume continues a run as it was configured: leave out every flag but --episodes and --terms"

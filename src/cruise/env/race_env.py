@@ -138,7 +138,7 @@ def make_race_env(
         drones = dynamics.init(start.position_w, start.heading, conditions.parameters)
         shape = start.heading.shape
         none = jnp.zeros(shape, bool)
-        gate = jnp.broadcast_to(start.gate, shape)
+        gate = jnp.broadcast_to(start.gate, shape).astype(jnp.int32)  # of no weak type: a step gives none
         counts = jnp.zeros(shape, jnp.int32)
         return RaceState(drones, gate, counts, none, none, counts[0], conditions.surroundings)
 

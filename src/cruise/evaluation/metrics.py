@@ -26,11 +26,12 @@ class DroneResult:
     flying_lap_times: tuple[float, ...]  # of laps 2, 3 ...
     mean_speed: float  # over the time in the air [m/s]
     top_speed: float  # [m/s]
+    retired: bool = False  # taken out of the race, as a person's drone is whose page has gone
 
     @property
     def fate(self) -> str:
         """How its race ended, in two or three words."""
-        return "finished" if self.finished else FATES.get(self.collision, "time limit")
+        return "finished" if self.finished else FATES.get(self.collision, "retired" if self.retired else "time limit")
 
     @property
     def flying_lap_time(self) -> float:
@@ -97,6 +98,7 @@ def _drone_result(log: RaceLog, drone: int) -> DroneResult:
         flying_lap_times=tuple(np.diff(ends).tolist()),
         mean_speed=float(speed.mean()) if len(speed) else NAN,
         top_speed=float(speed.max()) if len(speed) else NAN,
+        retired=not (log.airborne[-1, drone] or len(finish) or _collision(log, drone)),
     )
 
 

@@ -102,7 +102,7 @@ class Session:
 
     def _begin(self) -> TrainState:
         """A new run on disk. The configuration comes last: where there is one, there is a checkpoint to go on from."""
-        hosts.on_first(self._must_be_new)
+        hosts.on_first(lambda: must_be_new(self.folder))
         state = initial_state(self.trainer)
         if self.config.start_from:
             self.steps_before = read_meta(self.config.start_from).all_steps
@@ -111,17 +111,11 @@ class Session:
         hosts.on_first(lambda: save_config(self.folder / CONFIG, self.config))
         return state
 
-    def _must_be_new(self) -> None:
-        if os.path.exists(self.folder / CONFIG):  # Path.exists raises where a folder may not be entered
-            raise CruiseError(
-                f"{self.folder} holds a run already: go on with {self.resume_command}, or choose another --out"
-            )
-
     def _take_folder(self) -> None:
         """Nothing is written before everything else is known to be right."""
         make_folder(self.folder)
         self._hold()
-        self._must_be_new()  # still: another process may have been faster
+        must_be_new(self.folder)  # still: another process may have been faster
         self._track_checksum = keep_track(self.folder, self.track)
 
     def _hold(self) -> None:
@@ -137,8 +131,7 @@ class Session:
     @property
     def resume_command(self) -> str:
         """What to type to go on with this run."""
-        terms = "".join(f" --terms {shlex.quote(name)}" for name in LOADED)
-        return f"cruise train --resume {shlex.quote(str(self.folder))}{terms}"
+        return _resume_command(self.folder)
 
     def __iter__(self) -> Iterator[Progress]:
         """Train, log, save; yields after every update.
@@ -213,6 +206,19 @@ class Session:
             layout=self.trainer.env.layout(self.config.observation),
         )
         return save_policy(self.folder / f"{stem}.safetensors", self.state.model, meta)
+
+
+def must_be_new(folder: Path) -> None:
+    """Raises CruiseError where a folder holds a run."""
+    if os.path.exists(folder / CONFIG):  # Path.exists raises where a folder may not be entered
+        raise CruiseError(
+            f"{folder} holds a run already: go on with {_resume_command(folder)}, or choose another --out"
+        )
+
+
+def _resume_command(folder: Path) -> str:
+    terms = "".join(f" --terms {shlex.quote(name)}" for name in LOADED)
+    return f"cruise train --resume {shlex.quote(str(folder))}{terms}"
 
 
 def default_folder(config: TrainConfig) -> Path:

@@ -9,7 +9,7 @@ from cruise.evaluation.metrics import DroneResult, RaceResult, crash_times, even
 from cruise.palette import drone_colour
 from cruise.racing.solids import Outline
 from cruise.storage.race_log import EVENT_KINDS, EventKind, RaceLog
-from cruise.viewer.painting.scenery import log_scenery
+from cruise.viewer.painting.scenery import Scenery, log_scenery
 from cruise.viewer.samples import pack_samples
 
 DECIMALS = 4  # of times and lengths outside the samples
@@ -40,10 +40,8 @@ def pack_race(log: RaceLog, label: str, ghost: RaceLog | None = None) -> dict[st
         "laps": log.laps,
         "duration": _number(float(log.time[-1])),
         "sample_period": _number(log.control_dt),
-        "gates": [_pack_gate(gate) for gate in scenery.gates],
-        "solids": [_pack_solid(solid) for solid in scenery.solids],
+        **pack_scenery(scenery),
         "first_gate": int(log.next_gate[0, 0]),
-        "frame_width": _number(log.frame_width),
         "bounds": _numbers(log.bounds),
         "first_person": "body" if looks_ahead(log) else "flight",
         "drones": drones,
@@ -84,6 +82,15 @@ def _pack_drone(log: RaceLog, result: DroneResult, drone: int, ghost: bool) -> d
         "crash": _number(float(crash_times(log)[drone])),
         "crossings": _numbers(events_of(log, EventKind.CROSSING, drone)),
         "samples": pack_samples(log.time[flown], *states),
+    }
+
+
+def pack_scenery(scenery: Scenery) -> dict[str, Any]:
+    """What the page shows of a track."""
+    return {
+        "gates": [_pack_gate(gate) for gate in scenery.gates],
+        "solids": [_pack_solid(solid) for solid in scenery.solids],
+        "frame_width": _number(scenery.frame_width),
     }
 
 

@@ -60,7 +60,7 @@ export function lerp(a, b, s) {
 }
 
 /** The cubic from p0 to p1 whose slopes over s in [0, 1] are v0 and v1 at the ends. */
-function hermite(p0, v0, p1, v1, s) {
+export function hermite(p0, v0, p1, v1, s) {
   const rest = 1 - s;
   return rest * rest * ((1 + 2 * s) * p0 + s * v0) + s * s * ((3 - 2 * s) * p1 - rest * v1);
 }

@@ -1,0 +1,163 @@
+"""`python -m benchmarks.fly`: how well `cruise fly` keeps the clock, and whether its memory stays.
+
+python -m benchmarks.fly latency           # four drones, a page in headless Chromium: step jitter, stick to photon
+python -m benchmarks.fly endurance 3       # three hours of races, as fast as they can be flown: memory
+"""
+
+import asyncio
+import json
+import re
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+SIZE = (640, 360)  # of the page; the processor draws it
+MEASURED = 60.0  # [s]
+READY = 600.0  # for everything to be compiled [s]
+PROBE = """() => {
+  const buttons = Array.from({ length: 16 }, () => ({ pressed: false, value: 0 }));
+  const pad = { index: 0, connected: true, mapping: 'standard', axes: [0, 0, 0, -0.5], buttons };
+  navigator.getGamepads = () => [pad];
+  window.samples = [];
+  window.intervals = [];
+  let moved = null;
+  const { line } = fly;
+  const send = line.send.bind(line);
+  line.send = (message) => {
+    if (moved && moved.n === null && message.sticks?.[0] === moved.roll) moved.n = message.n;
+    send(message);
+  };
+  const gl = fly.scene.stage.renderer.getContext();
+  let last = performance.now();
+  fly.drawn = (heard) => {
+    gl.finish();
+    const now = performance.now();
+    intervals.push(now - last);
+    last = now;
+    if (moved && moved.n !== null && heard >= moved.n) {
+      samples.push(now - moved.at);
+      moved = null;
+    }
+  };
+  fly.settings.change({ deadband: 0 });
+  let side = 1;
+  const move = () => {
+    if (moved === null) {
+      side = -side;
+      pad.axes[2] = 0.2 * side;
+      moved = { at: performance.now(), roll: pad.axes[2], n: null };
+    }
+    setTimeout(move, 90 + 80 * Math.random());
+  };
+  fly.ready();
+  setTimeout(move, 4000);
+  setInterval(() => { if (fly.phase.name === 'over') fly.ready(); }, 500);
+}"""
+
+
+def latency() -> None:
+    """Print percentiles of the latency of a page, and what the command says of its steps."""
+    from tests.viewer.browser import Page, chromium  # noqa: PLC0415
+
+    with tempfile.TemporaryDirectory() as folder:
+        command = [sys.executable, "-m", "cruise", "fly", "--no-open", "--folder", folder, "--laps", "20"]
+        server = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        try:
+            address = _address(server)
+            with chromium() as browser:
+                place = address.split("?")[0]
+                page = Page(browser, address, size=SIZE, allowed=(place, place.replace("http", "ws")))
+                page.until("fly.own === 0 && fly.frames > 3")
+                page.run(PROBE)
+                time.sleep(MEASURED)
+                samples, intervals = page.run("[samples, intervals]")
+                page.close()
+            server.send_signal(signal.SIGINT)
+            print(server.communicate(timeout=60)[0].strip().splitlines()[-1])
+        finally:
+            server.kill()
+    print(f"stick to photon, {len(samples)} moves: {_told(samples)}")
+    print(f"between pictures, {len(intervals)}: {_told(intervals)}")
+
+
+def _address(server: subprocess.Popen) -> str:
+    end = time.monotonic() + READY
+    while time.monotonic() < end:
+        line = server.stdout.readline() if server.stdout else ""
+        found = re.search(r"http://\S+", line)
+        if found:
+            return found.group()
+        if not line:
+            break
+    raise SystemExit("cruise fly did not start")
+
+
+def _told(milliseconds: list[float]) -> str:
+    if not milliseconds:
+        return "none"
+    p50, p95, p99 = np.percentile(milliseconds, [50, 95, 99])
+    return f"median {p50:.1f} ms, 95 % {p95:.1f} ms, 99 % {p99:.1f} ms"
+
+
+def endurance(hours: float) -> None:
+    """Fly race after race against three champions, with a page that reads now and then, and print the memory."""
+    from cruise.cli.fly import Fly, timing  # noqa: PLC0415
+    from cruise.human.game import Game, Rules  # noqa: PLC0415
+    from cruise.human.laps import Board  # noqa: PLC0415
+
+    with tempfile.TemporaryDirectory() as folder:
+        match = Fly(track="ring")._match()
+        board = Board(Path(folder), match.track, match.vehicle.name)
+        game = Game(match, board, Rules(hurry=True), {"best": None, "limit": None}, lambda line: None)
+        asyncio.run(_endure(game, 3600 * hours))
+        print(timing(game))
+
+
+async def _endure(game: object, seconds: float) -> None:
+    races = asyncio.create_task(game.run())
+    seat = game.sit()
+    flown, before, told = 0.0, 0.0, -1.0
+    number, began = 0, time.monotonic()
+    while flown + before < seconds:
+        number += 1
+        seat.hear(json.dumps({"n": number % 2**31, "sticks": [0.0, 1.0, 0.0, 0.0]})) if number % 10 == 0 else None
+        if game.phase["name"] in ("grid", "over"):
+            seat.ready = True
+        now = game.race.time
+        if now < flown:
+            before += flown
+        flown = now
+        for _ in range(3):
+            if seat.outbox._waiting:
+                await seat.outbox.get()
+        if (flown + before) // 600 > told:
+            told = (flown + before) // 600
+            wall = time.monotonic() - began
+            print(
+                f"{(flown + before) / 60:6.0f} min flown, {game.flown} races, {_resident():.0f} MB, {wall:.0f} s",
+                flush=True,
+            )
+        await asyncio.sleep(0)
+        if races.done():
+            races.result()
+    races.cancel()
+
+
+def _resident() -> float:
+    """Memory of this process [MB]."""
+    return int(Path("/proc/self/statm").read_text().split()[1]) * 4096 / 1e6
+
+
+if __name__ == "__main__":
+    what = sys.argv[1] if len(sys.argv) > 1 else ""
+    if what == "latency":
+        latency()
+    elif what == "endurance":
+        endurance(float(sys.argv[2]) if len(sys.argv) > 2 else 3.0)
+    else:
+        raise SystemExit(__doc__)
