@@ -2,6 +2,7 @@
 
 python -m benchmarks.fly latency           # four drones, a page in headless Chromium: step jitter, stick to photon
 python -m benchmarks.fly endurance 3       # three hours of races, as fast as they can be flown: memory
+python -m benchmarks.fly endurance 3 paper # the same in another vehicle
 """
 
 import asyncio
@@ -104,14 +105,14 @@ def _told(milliseconds: list[float]) -> str:
     return f"median {p50:.1f} ms, 95 % {p95:.1f} ms, 99 % {p99:.1f} ms"
 
 
-def endurance(hours: float) -> None:
+def endurance(hours: float, vehicle: str) -> None:
     """Fly race after race against three champions, with a page that reads now and then, and print the memory."""
     from cruise.cli.fly import Fly, timing  # noqa: PLC0415
     from cruise.human.game import Game, Rules  # noqa: PLC0415
     from cruise.human.laps import Board  # noqa: PLC0415
 
     with tempfile.TemporaryDirectory() as folder:
-        match = Fly(track="ring")._match()
+        match = Fly(vehicle=vehicle)._match()
         board = Board(Path(folder), match.track, match.vehicle.name)
         game = Game(match, board, Rules(hurry=True), {"best": None, "limit": None}, lambda line: None)
         asyncio.run(_endure(game, 3600 * hours))
@@ -158,6 +159,6 @@ if __name__ == "__main__":
     if what == "latency":
         latency()
     elif what == "endurance":
-        endurance(float(sys.argv[2]) if len(sys.argv) > 2 else 3.0)
+        endurance(float(sys.argv[2]) if len(sys.argv) > 2 else 3.0, sys.argv[3] if len(sys.argv) > 3 else "racer")
     else:
         raise SystemExit(__doc__)

@@ -62,7 +62,7 @@ class LiveRace:
         step, last = self.race.advance()
         self._seen = (last.position_w, last.velocity_w, last.euler)
         of_race = jax.tree.map(lambda values: values[0, :, 0], (step.crossing, step.further, step.collisions))
-        return self.order.take(time, self.dt, Happened(*of_race), last.finished[:, 0])
+        return self.order.take(time, self.dt, Happened(*of_race), np.asarray(last.finished)[:, 0])
 
     def warm_up(self, controls: Controls) -> None:
         """Compile all that a race runs."""

@@ -2,6 +2,7 @@
 
 import json
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -62,8 +63,7 @@ def read_message(text: str | bytes, modes: tuple[str, ...]) -> Sticks | Settings
         content = json.loads(text, parse_constant=_no_number)
     except (ValueError, RecursionError):
         raise Refused("not JSON") from None
-    kinds = {frozenset({"n", "sticks"}): _sticks, frozenset({"settings"}): _settings, frozenset({"ready"}): _ready}
-    reader = kinds.get(frozenset(content)) if isinstance(content, dict) else None
+    reader = READERS.get(frozenset(content)) if isinstance(content, dict) else None
     if reader is None:
         raise Refused("neither sticks nor settings nor ready")
     return reader(content, modes)
@@ -99,6 +99,13 @@ def _ready(content: dict[str, Any], modes: tuple[str, ...]) -> Ready:
     if content["ready"] is not True:
         raise Refused("ready is true or not said")
     return Ready()
+
+
+READERS: dict[frozenset[str], Callable[..., Sticks | Settings | Ready]] = {
+    frozenset({"n", "sticks"}): _sticks,
+    frozenset({"settings"}): _settings,
+    frozenset({"ready"}): _ready,
+}
 
 
 def _name(name: Any) -> str:

@@ -99,11 +99,12 @@ def controls_of(seats: list[Seat], now: float) -> Controls:
     def column(values: list[float]) -> np.ndarray:
         return np.array(values, np.float32)[:, None]
 
-    return Controls(
-        sticks=np.array([seat.sticks.positions for seat in seats], np.float32).T[:, :, None],
-        mode=np.array(modes, np.int32)[:, None],
-        rates=np.moveaxis(np.array([rates_of(one) for one in told], np.float32), 0, 2)[..., None],
-        tilt=column([np.radians(one.tilt) for one in told]),
-        speed=column([one.speed for one in told]),
-        centred=column([float(one.centred) for one in told]),
-    )
+    values: dict[str, Any] = {
+        "sticks": np.array([seat.sticks.positions for seat in seats], np.float32).T[:, :, None],
+        "mode": np.array(modes, np.int32)[:, None],
+        "rates": np.moveaxis(np.array([rates_of(one) for one in told], np.float32), 0, 2)[..., None],
+        "tilt": column([np.radians(one.tilt) for one in told]),
+        "speed": column([one.speed for one in told]),
+        "centred": column([float(one.centred) for one in told]),
+    }
+    return Controls(**values)

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from cruise.config import Vehicle
-from cruise.dynamics import Reference
+from cruise.dynamics import FreeBody, Reference
 from cruise.dynamics.attitude import AttitudeSetpoint, attitude_loop, heading_of
 from cruise.env.race_env import RaceEnv
 from cruise.env.types import RaceState
@@ -101,17 +101,18 @@ class HumanPilot(eqx.Module):
         """Roll and pitch are angles, yaw is a rate."""
         assert vehicle.airframe is not None
         roll, pitch, _, _ = told.sticks
+        assert isinstance(state.drones.body, FreeBody)
+        attitude = tuple(rows(jnp.asarray(state.drones.body.attitude), drones, axis=1))
         thrust, turn = self._thrust(vehicle, told), -stick_rate(told.sticks[2], told.rates[2])
         if vehicle.control == "attitude":
             limits = vehicle.airframe.attitude
-            attitude = rows(state.drones.body.attitude, drones, axis=1)
             number = turn / vehicle.airframe.rates.highest[2]
             if limits.yaw == "angle":
                 number = heading_of(attitude) / math.pi + turn / (math.pi * vehicle.tracking.attitude_gain)
             angles = [roll * told.tilt / limits.highest_tilt, pitch * told.tilt / limits.highest_tilt]
             return jnp.stack([*angles, number, 2 * thrust / self.agility - 1])
         asked = AttitudeSetpoint(thrust, roll * told.tilt, pitch * told.tilt, turn)
-        rates = attitude_loop(vehicle, asked, tuple(rows(state.drones.body.attitude, drones, axis=1))).rates_b
+        rates = attitude_loop(vehicle, asked, attitude).rates_b
         return self._told(vehicle, thrust, rates)
 
     def _by_rates(self, vehicle: Vehicle, told: Controls) -> Array:

@@ -1,6 +1,6 @@
 """Any compiled pilot, made slower: champions that a person can race."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -106,7 +106,7 @@ def _among(own: RaceState, others: RaceState, drones: tuple[int, ...]) -> RaceSt
     count = own.next_gate.shape[0]
     mine = jnp.isin(jnp.arange(count), jnp.array(drones)).reshape(-1, *(1,) * (own.next_gate.ndim - 1))
 
-    def mixed(name: str) -> object:
+    def mixed(name: str) -> Any:
         return jax.tree.map(lambda a, b: jnp.where(mine, a, b), getattr(own, name), getattr(others, name))
 
     return own._replace(**{name: mixed(name) for name in ("drones", "next_gate", "gates_passed", "out", "finished")})

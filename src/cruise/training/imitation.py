@@ -35,8 +35,8 @@ SAME_PLACE = 1e-3  # [m]
 class Samples(NamedTuple):
     """What people saw, and what they did."""
 
-    observation: Float[np.ndarray, "O S"]
-    action: Float[np.ndarray, "A S"]  # in the policy's frame
+    observation: Array | np.ndarray  # [O, S]
+    action: Array | np.ndarray  # [A, S], in the policy's frame
 
 
 class Clone(NamedTuple):
@@ -87,13 +87,12 @@ def clone(config: TrainConfig, track: Track, vehicle: Vehicle, logs: Sequence[Ra
     if config.ppo.network != "mlp" or config.critic_observation:
         raise CruiseError("--demonstrations clones policies without memory whose value network sees what they see")
     parts = [part for log in logs for part in _of_people(log, config, track, vehicle)]
-    observation, action = (np.concatenate(column, axis=1) for column in zip(*parts, strict=True)) if parts else ((), ())
-    if len(parts) == 0 or observation.shape[1] < LEAST_SAMPLES:
+    if sum(part.action.shape[1] for part in parts) < LEAST_SAMPLES:
         raise CruiseError(
             f"--demonstrations: fewer than {LEAST_SAMPLES} control steps flown by people; "
             f"their pilots' names begin with {HUMAN!r}"
         )
-    return _fit(config, Samples(observation, action))
+    return _fit(config, Samples(*(np.concatenate(column, axis=1) for column in zip(*parts, strict=True))))
 
 
 def _of_people(log: RaceLog, config: TrainConfig, track: Track, vehicle: Vehicle) -> Iterator[Samples]:
@@ -146,15 +145,15 @@ def state_of(env: RaceEnv, log: RaceLog) -> RaceState:
 
 
 def _rates(turns: Rotation, shape: tuple[int, ...], dt: float) -> Float[np.ndarray, "3 N T"]:
-    """Body rates by central differences [rad/s]; one-sided at both ends."""
+    """Body rates by central differences [rad/s]; none at the standing start, one-sided at the end."""
     index = np.arange(np.prod(shape)).reshape(shape)
     before, after = (np.concatenate(parts, axis=1) for parts in (
         (index[:, :1], index[:, :-1]), (index[:, 1:], index[:, -1:])
     ))  # fmt: skip
     step = (turns[before.ravel()].inv() * turns[after.ravel()]).as_rotvec().reshape(*shape, 3)
-    samples = np.full(shape[1], 2.0)
-    samples[[0, -1]] = 1.0
-    return np.moveaxis(step / (dt * samples[:, None]), -1, 0)
+    per_second = np.full((shape[1], 1), 1 / (2 * dt))
+    per_second[0], per_second[-1] = 0.0, 1 / dt
+    return np.moveaxis(step * per_second, -1, 0)
 
 
 def _commands(usual: np.ndarray, log: RaceLog) -> Array:
@@ -193,7 +192,7 @@ def _fit(config: TrainConfig, samples: Samples) -> Clone:
     return Clone(eqx.tree_at(lambda m: m.actor, model, actor), count, error, scatter)
 
 
-def _loss(actor: Any, observation: Array, action: Array) -> Array:
+def _loss(actor: Any, observation: Any, action: Any) -> Array:
     return jnp.mean((jnp.clip(actor(observation), -1.5, 1.5) - action) ** 2)
 
 

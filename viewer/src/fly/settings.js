@@ -14,7 +14,7 @@ const OWN = {
   layouts: {},
 };
 
-// Of the form: id, where the value lies, and its range.
+// Of the form: lowest, highest and step of every number.
 const NUMBERS = {
   tilt: [5, 80, 1],
   speed: [0.5, 40, 0.5],
@@ -24,9 +24,9 @@ const NUMBERS = {
   volume: [0, 1, 0.05],
 };
 const RATE_RANGES = [
-  [0, 2000, 10],
-  [0, 2000, 10],
-  [0, 1, 0.05],
+  [0, 2000],
+  [0, 2000],
+  [0, 1],
 ];
 
 export class Settings {
@@ -68,9 +68,8 @@ export class Settings {
       Object.assign(form.elements[id], { min, max, step, value: this.value[id] });
     this.value.rates.forEach((row, axis) =>
       row.forEach((value, k) => {
-        const [min, max, step] = RATE_RANGES[k];
+        const [min, max] = RATE_RANGES[k];
         Object.assign(form.elements[`rate-${axis}-${k}`], { min, max, step: "any", value });
-        form.elements[`rate-${axis}-${k}`].step = step === 0.05 ? "any" : step;
       }),
     );
     const layout = this.value.layouts[kind] ?? LAYOUTS[kind];
@@ -89,7 +88,7 @@ export class Settings {
       within(form.elements[id].value, min, max, this.value[id]),
     ]);
     const rates = this.value.rates.map((row, axis) =>
-      row.map((old, k) => within(form.elements[`rate-${axis}-${k}`].value, ...RATE_RANGES[k].slice(0, 2), old)),
+      row.map((old, k) => within(form.elements[`rate-${axis}-${k}`].value, ...RATE_RANGES[k], old)),
     );
     const layout = Object.fromEntries(
       CHANNELS.map((channel) => [
@@ -100,11 +99,17 @@ export class Settings {
     return {
       ...Object.fromEntries(numbers),
       rates,
-      name: form.elements.name.value.slice(0, 24),
+      name: printable(form.elements.name.value),
       throttle: form.elements.throttle.value,
       layouts: { ...this.value.layouts, [this.kind]: layout },
     };
   }
+}
+
+/** Without what a race refuses in a name. */
+function printable(text) {
+  const plain = text.replace(/\p{Zs}/gu, " ").replace(/[\p{C}\p{Zl}\p{Zp}]/gu, "");
+  return [...plain].slice(0, 24).join("");
 }
 
 function within(text, low, high, otherwise) {
