@@ -37,6 +37,7 @@ AS_IT_IS = ({"reproduce", "--report-only"}, {"limit", "paper"})  # take seconds,
 WATCHED = "--watch"  # serves until somebody stops it: tests/viewer/test_live.py does
 WITH_OTHERS = "--coordinator"  # waits for the other processes: tests/training/test_processes.py has them
 SWEEP = "sweep"  # starts Ray: tests/experiments/test_sweep.py does
+FLY = "fly"  # serves until somebody stops it: tests/human does
 # Commands that compile for seconds. One line of each kind runs; lines that differ from it by these values alone are
 # parsed, and what they name is looked up.
 COSTLY = ("evaluate", "train")
@@ -119,7 +120,7 @@ def _cruise(block: Block, arguments: list[str]) -> None:
     if command in COSTLY and (block.page, arguments) != _first_of_kinds()[_kind(arguments)]:
         _look_up(parse(short))
         return
-    if WATCHED in short or WITH_OTHERS in short or command == SWEEP:
+    if WATCHED in short or WITH_OTHERS in short or command in (SWEEP, FLY):
         short = [command, "--help"]
     elif not any(flags <= set(short) for flags in AS_IT_IS):
         short += shlex.split(MINIATURE.get(command, ""))

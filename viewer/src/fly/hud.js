@@ -39,7 +39,7 @@ export class Hud {
     const row = rows[place];
     if (!row) return;
     this.write("place", `${place + 1}/${rows.length}`);
-    this.write("lap-number", row.passed ? `lap ${row.lap}/${laps}` : `${laps} laps`);
+    this.write("lap-number", row.passed ? `lap ${row.lap}/${laps}` : laps === 1 ? "1 lap" : `${laps} laps`);
     const flying = row.status === "flying";
     this.write("lap-time", row.began !== null && flying ? clock(Math.max(0, t - row.began)) : clock(Math.max(t, 0)));
     this.write("gap", place === 0 ? aheadOf(rows[1]) : row.gap === null ? "" : `+${row.gap.toFixed(2)} s`);
