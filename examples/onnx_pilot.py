@@ -4,7 +4,7 @@
     PILOT_MODEL=policy.onnx cruise race --track ring --drones 2 --pilot examples/onnx_pilot.py:Pilot
 
 A model that `cruise export` wrote needs no such file: `--pilot policy.onnx` flies it. This is for networks of your own,
-exported from PyTorch, say. It needs onnxruntime: pip install 'cruise-racing[onnx]'.
+exported from PyTorch, say. It needs onnxruntime: pip install onnx onnxruntime.
 """
 
 import os

@@ -1,6 +1,6 @@
 """Train Stable-Baselines3's PPO on CRUISE, then measure it as every pilot is measured.
 
-    pip install 'cruise-racing[gym]' stable-baselines3==2.9.2 torch==2.13.0
+    pip install -e '.[gym]' stable-baselines3==2.9.2 torch==2.13.0
     python examples/train_sb3.py
 
 It learns to fly the ring alone, under the rules of the third stage of the curriculum. For a race against others give

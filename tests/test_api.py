@@ -42,14 +42,6 @@ def test_race_and_evaluate():
     assert evaluation.to_dict()["policy"] == "chaser,hover"
 
 
-def test_make_env():
-    assert cruise.make_env("figure-eight", drones=3).num_drones == 3
-    with pytest.raises(CruiseError, match="unknown vehicle 'kite': built-in vehicles: paper"):
-        cruise.make_env(vehicle="kite")
-    with pytest.raises(CruiseError, match="drones must be from 1 to 64, got 0"):
-        cruise.make_env(drones=0)
-
-
 def test_replay(tmp_path):
     log = small_log()
     assert cruise.replay(log, tmp_path / "one.html") == tmp_path / "one.html"

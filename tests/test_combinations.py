@@ -5,7 +5,6 @@ import math
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -13,7 +12,8 @@ import cruise
 from cruise import rollout
 from cruise.adapters import races
 from cruise.adapters.gymnasium_env import RaceEnv
-from cruise.env.payment import make_reward
+from cruise.adapters.options import RaceOptions, choose
+from cruise.env.race_env import make_race_env
 from cruise.evaluation import matches
 from cruise.pilots.foreign import wrap
 from cruise.pilots.network import NetworkShape
@@ -78,7 +78,7 @@ def short_and_quickly_compiled(monkeypatch):
 
 def network_for(vehicle, drones):
     """That fits the vehicle in a race of so many."""
-    env = cruise.make_env(TRACK, drones, vehicle, training_config(vehicle, drones).observation)
+    env = make_race_env(TRACK, drones, load_vehicle(vehicle), training_config(vehicle, drones).observation)
     sees = jax.eval_shape(env.observe, jax.eval_shape(env.reset, jax.random.key(0))).shape[0]
     return random_network(NetworkShape(sees, len(vehicle.action.numbers), (8, 8)))
 
@@ -131,9 +131,9 @@ def the_learner_sees_what_the_environment_shows(choice, vehicle, pilots):
     first = CHOICES.index(str(getattr(choice, "name", choice)))
     kinds = [pilots[0], Chaser(), Hover(), SeIbrPilot(Style(2.0, 1.0), algorithm=BRIEF), pilots[4]]
     kinds[0] = dataclasses.replace(kinds[0], drones=3, params=network_for(vehicle, 3))
-    env = RaceEnv(track=TRACK, vehicle=choice, opponents=[kinds[first % 5], kinds[(first + 2) % 5]])
+    env = RaceEnv(track=TRACK, vehicle=choice, randomise=0, opponents=[kinds[first % 5], kinds[(first + 2) % 5]])
     seen = [env.reset(seed=2)[0]]
-    shown = cruise.make_env(TRACK, 3, choice, env._races.setup.observation)
+    shown = make_race_env(TRACK, 3, load_vehicle(choice), env._races.choices.observation)
     observe = quick_jit(shown.observe)
     for _ in range(3):
         np.testing.assert_allclose(seen[-1], observe(env._races.state)[:, 0, 0], atol=1e-5)
@@ -141,17 +141,19 @@ def the_learner_sees_what_the_environment_shows(choice, vehicle, pilots):
         seen.append(observation)
         assert np.isfinite(reward)
         assert observation in env.observation_space
-        assert set(info["collision"]) == {kind.hit for kind in COLLISION_KINDS}
+        assert {name for name in info if name.startswith("collision_")} == {
+            f"collision_{k.hit}" for k in COLLISION_KINDS
+        }
     starts_inside(np.asarray(env._races.state.drones.position_w[..., 0]).T)
     assert not np.array_equal(seen[0], seen[-1])
 
 
 def every_agent_sees_what_the_environment_shows(choice, vehicle):
-    env = cruise.parallel_env(track=TRACK, vehicle=choice, drones=2)
+    env = cruise.parallel_env(track=TRACK, vehicle=choice, drones=2, randomise=0)
     told, _ = env.reset(seed=2)
-    observation = env._races.setup.observation
+    observation = env._races.choices.observation
     assert observation == training_config(vehicle, 2).observation
-    observe = quick_jit(cruise.make_env(TRACK, 2, choice, observation).observe)
+    observe = quick_jit(make_race_env(TRACK, 2, load_vehicle(choice), observation).observe)
     for _ in range(2):
         shown = observe(env._races.state)[..., 0]
         for drone, agent in enumerate(env.agents):
@@ -163,9 +165,10 @@ def every_agent_sees_what_the_environment_shows(choice, vehicle):
 def test_adapters_are_as_their_vehicle_is_trained():
     """Observation, reward and stage are those of the vehicle's own recipe."""
     for choice in VEHICLES:
-        setup = RaceEnv(track="ring", drones=1, vehicle=choice, stage=3)._races.setup
-        usual, stage = training_config(choice, 1), curriculum_of(VEHICLES[choice])[2]
-        assert setup.observation == usual.observation
-        assert setup.env.reward.names == make_reward(usual.reward).names
-        assert float(setup.rules.v_min) == jnp.float32(stage.v_min)
-        assert float(setup.rules.gate_tolerance) == jnp.float32(stage.gate_tolerance)
+        for drones in (1, 4):
+            chosen = choose(RaceOptions("ring", drones, vehicle=choice, stage=3), everybody_learns=True)
+            usual = training_config(choice, drones)
+            assert chosen.stage == curriculum_of(VEHICLES[choice])[2]
+            assert (chosen.observation, chosen.weights) == (usual.observation, usual.reward)
+            assert (chosen.randomisation, chosen.limit) == (usual.randomisation, usual.episode_steps)
+            assert chosen.collision_distance == usual.collision_distance

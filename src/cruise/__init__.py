@@ -3,11 +3,10 @@
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from cruise.registration import register_when_imported
-
 if TYPE_CHECKING:
     from cruise.adapters.doors import parallel_env, vector_parallel_env
-    from cruise.api import evaluate, load_policy, load_track, make_env, race, replay
+    from cruise.adapters.functional_agents import make
+    from cruise.api import evaluate, load_policy, load_track, race, replay
     from cruise.api_training import train
     from cruise.config import Vehicle
     from cruise.env.observation import find_observation
@@ -33,7 +32,7 @@ __all__ = [
     "load_terms",
     "load_track",
     "load_vehicle",
-    "make_env",
+    "make",
     "parallel_env",
     "race",
     "random_track",
@@ -52,6 +51,7 @@ _HOMES = {
     "load_terms": "cruise.pilots.terms_file",
     "Vehicle": "cruise.config",
     "load_vehicle": "cruise.vehicles",
+    "make": "cruise.adapters.functional_agents",
     "parallel_env": "cruise.adapters.doors",
     "random_track": "cruise.racing.random_track",
     "train": "cruise.api_training",
@@ -70,6 +70,3 @@ def __getattr__(name: str) -> Any:
 
 def __dir__() -> list[str]:
     return sorted(__all__)
-
-
-register_when_imported()

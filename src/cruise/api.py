@@ -4,8 +4,7 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
-from cruise.config import ObservationKind, RewardWeights, Track
-from cruise.env.race_env import RaceEnv, make_race_env
+from cruise.config import Track
 from cruise.errors import CruiseError
 from cruise.evaluation import matches
 from cruise.evaluation.pilot_choice import PilotChoice
@@ -14,41 +13,12 @@ from cruise.precision import single_precision
 from cruise.racing.track_file import load_track
 from cruise.storage.policy_file import load_policy
 from cruise.storage.race_log import RaceLog
-from cruise.vehicles import VehicleChoice, load_vehicle
+from cruise.vehicles import VehicleChoice
 from cruise.viewer.page import write_replay
 
-__all__ = ["evaluate", "load_policy", "load_track", "make_env", "race", "replay"]
+__all__ = ["evaluate", "load_policy", "load_track", "race", "replay"]
 
 TrackChoice = Track | str | os.PathLike[str]
-
-
-@single_precision
-def make_env(
-    track: TrackChoice = "ring",
-    drones: int = 4,
-    vehicle: VehicleChoice = "paper",
-    observation: ObservationKind = "extended",
-    reward: RewardWeights | None = None,
-) -> RaceEnv:
-    """Give the racing environment as pure functions that JAX can compile.
-
-    `env.reset(key, (E,))` starts E races, `env.observe(state)` is what the drones see `[O, N, E]`,
-    `env.step(state, action, rules)` advances one control step with actions `[A, N, E]` in the world's frame. Arrays
-    hold components first, then drones, then races.
-
-    Args:
-        track: a track, the name of a built-in one (`ring`, `figure-eight`), or the path of a TOML file.
-        drones: how many race.
-        vehicle: a vehicle, the name of a built-in one (`paper`, `racer`), or the path of a TOML file.
-        observation: what `env.observe` gives.
-        reward: weights; by default those that the shipped policies were trained with.
-
-    Raises:
-        CruiseError: no such track or vehicle, or a number out of range.
-    """
-    if not 1 <= drones <= matches.MAX_DRONES:
-        raise CruiseError(f"drones must be from 1 to {matches.MAX_DRONES}, got {drones}")
-    return make_race_env(_track(track), drones, load_vehicle(vehicle), observation, reward)
 
 
 @single_precision

@@ -1,9 +1,13 @@
 """Libraries that only an extra of the package installs."""
 
 import importlib
+import importlib.metadata
+import re
 from typing import Any
 
 from cruise.errors import CruiseError
+
+PACKAGE = "cruise-racing"
 
 
 def import_extra(module: str, extra: str, need: str) -> Any:
@@ -11,4 +15,14 @@ def import_extra(module: str, extra: str, need: str) -> Any:
     try:
         return importlib.import_module(module)
     except ImportError:
-        raise CruiseError(f"{need}: pip install 'cruise-racing[{extra}]'") from None
+        raise CruiseError(f"{need}: {how_to_install(extra)}") from None
+
+
+def how_to_install(extra: str) -> str:
+    """The command that installs what an extra names, wherever CRUISE itself came from."""
+    try:
+        required = importlib.metadata.requires(PACKAGE) or []
+    except importlib.metadata.PackageNotFoundError:  # run from a folder of sources
+        required = []
+    wanted = [line.partition(";")[0].strip() for line in required if re.search(rf"extra == .{extra}\b", line)]
+    return "pip install " + (" ".join(f"'{one}'" for one in wanted) or f"-e '.[{extra}]' in the folder of CRUISE")

@@ -36,7 +36,7 @@ def test_who_crashes_leaves_and_the_others_fly_on():
             assert list(told) == flown
         for agent in flown:
             if terminated[agent] or truncated[agent]:
-                left[agent] = (step, terminated[agent], truncated[agent], infos[agent]["collision"]["ground"])
+                left[agent] = (step, terminated[agent], truncated[agent], infos[agent]["collision_ground"])
         assert env.agents == [agent for agent in flown if agent not in left]
     assert left["drone_1"][1:] == (True, False, True)
     assert left["drone_1"][0] < 79
@@ -98,7 +98,7 @@ def test_state_for_critics():
 
 
 def test_refused():
-    with pytest.raises(CruiseError, match="in PettingZoo every drone is an agent: opponents are for"):
+    with pytest.raises(CruiseError, match="here every drone is an agent: opponents are for"):
         cruise.parallel_env(opponents=["chaser"])
     env = cruise.parallel_env(**THREE)
     env.reset(seed=0)

@@ -26,7 +26,7 @@ def test_its_own_check():
 
 
 def test_it_sees_what_gymnasium_sees():
-    ours, theirs = VectorRaceEnv(3, **DUEL), StableBaselinesEnv(3, **DUEL)
+    ours, theirs = VectorRaceEnv(3, autoreset_mode="SameStep", **DUEL), StableBaselinesEnv(3, **DUEL)
     theirs.seed(7)
     np.testing.assert_array_equal(theirs.reset(), ours.reset(seed=7)[0])
     rng = np.random.default_rng(0)

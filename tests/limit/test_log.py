@@ -5,6 +5,7 @@ import pytest
 
 from cruise.cli.main import main
 from cruise.evaluation.metrics import race_result
+from cruise.extras import how_to_install
 from cruise.limit.log import limit_log
 from cruise.limit.models import POSITION, VELOCITY
 from cruise.presets import TRACKS, VEHICLES
@@ -90,4 +91,4 @@ def test_bad_input_is_one_line(flags, told, tmp_path, monkeypatch, capsys):
 def test_without_casadi_the_extra_is_named(monkeypatch, capsys):
     monkeypatch.setitem(__import__("sys").modules, "casadi", None)
     assert main(["limit", "ring"]) == 2
-    assert capsys.readouterr().err == "error: the limit needs CasADi: pip install 'cruise-racing[limit]'\n"
+    assert capsys.readouterr().err == f"error: the limit needs CasADi: {how_to_install('limit')}\n"

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 import cruise
-from cruise.adapters.options import RaceOptions, set_up
+from cruise.adapters.options import RaceOptions, choose
 from cruise.cli.main import parse
 from cruise.config import TrainConfig
 from cruise.errors import CruiseError
@@ -38,9 +38,8 @@ def test_whoever_takes_a_vehicle_takes_a_file_a_name_and_an_object(heavy_file):
         match = make_match(RING, 2, ["chaser", "hover"], vehicle=choice)
         assert match.vehicle == heavy
         assert {pilot.vehicle for pilot in match.team} == {heavy}
-        assert cruise.make_env(vehicle=choice).vehicle == heavy
-        setup = set_up(RaceOptions(drones=1, vehicle=choice, observation="body"), everybody_learns=False)
-        assert (setup.vehicle, float(setup.rules.agility[0, 0])) == (heavy, pytest.approx(heavy.agility))
+        chosen = choose(RaceOptions(drones=1, vehicle=choice, observation="body"), everybody_learns=False)
+        assert (chosen.vehicle, chosen.agility) == (heavy, heavy.agility)
     assert make_match(RING, 1, "chaser", vehicle="racer").team[0].vehicle == "racer"
 
 

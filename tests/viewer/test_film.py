@@ -9,6 +9,7 @@ from PIL import Image, ImageColor
 
 from cruise.cli.main import main
 from cruise.errors import CruiseError
+from cruise.extras import how_to_install
 from cruise.palette import drone_colour
 from cruise.viewer.film import files
 from cruise.viewer.film.film import frame_times, frames, margins_of
@@ -183,4 +184,4 @@ def test_bad_flags_give_one_line_and_no_files(case, tmp_path, capsys):
 def test_without_the_extra_one_line_says_what_to_install(monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
     assert main(["replay", "race.npz", "--mp4", "a.mp4"]) == 2
-    assert capsys.readouterr().err == "error: --mp4 needs imageio-ffmpeg: pip install 'cruise-racing[video]'\n"
+    assert capsys.readouterr().err == f"error: --mp4 needs imageio-ffmpeg: {how_to_install('video')}\n"

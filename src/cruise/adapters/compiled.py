@@ -1,4 +1,4 @@
-"""The compiled step of a batch of races with learners, opponents and auto-reset."""
+"""The step of a batch of races with learners, opponents and auto-reset: components first, races last."""
 
 from collections.abc import Callable
 from typing import Any, Literal, NamedTuple
@@ -6,20 +6,21 @@ from typing import Any, Literal, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Shaped, UInt32
 
 from cruise.env.race_env import RaceEnv
 from cruise.env.surroundings import perceive
 from cruise.env.types import RaceState, Rules, StepOutcome
 from cruise.pilots.base import Crew
 from cruise.racing.events import COLLISION_KINDS
+from cruise.racing.field import rows
 from cruise.racing.grid import Start
 from cruise.rollout import act_together, first_memories
 from cruise.vector import norm
 
 Reset = Literal["next_step", "same_step", "disabled"]
-Seen = dict[str, Any]  # fields of `cruise.adapters.races.Stepped`
-Info = dict[str, Any]  # arrays [E, L], or dictionaries of such
+Seen = dict[str, Any]  # fields of `cruise.adapters.races.Stepped`, races last
+Info = dict[str, Array]  # [L, E] each
 
 
 class Plan(NamedTuple):
@@ -33,145 +34,192 @@ class Plan(NamedTuple):
     limit: Array  # of an episode, in control steps; traced, so that another one compiles nothing
 
 
+class Begun(NamedTuple):
+    """Races at their start, and what their pilots remember there."""
+
+    state: RaceState
+    memories: tuple  # the opponents'
+
+
 class Carry(NamedTuple):
     """What goes from step to step."""
 
     state: RaceState
-    memories: tuple
-    keys: Array  # [E] every race's own randomness
+    memories: tuple  # the opponents'
+    keys: UInt32[Array, "K E"]  # every race's own randomness, the data of a key
     pending: Bool[Array, "E"]  # begins anew at the next step
-    noise: Array  # key of the pilots' randomness
+    noise: UInt32[Array, "K"] | None  # of the pilots; None where every step is given its own
+    following: Begun | None = None  # where each race begins next; None where races are begun by a reset alone
+    used: Bool[Array, "E"] | None = None  # it has begun there already
 
 
 def begin(
-    plan: Plan, keys: Array, grid: Start | None, old: Carry | None, mask: Bool[Array, "E"] | None
+    plan: Plan, keys: UInt32[Array, "K E"], grid: Start | None, old: Carry | None, mask: Bool[Array, "E"] | None
 ) -> tuple[Carry, Seen]:
     """All races anew, or those of `mask`, from `grid` or from starts that are drawn."""
-    return _compiled_begin(plan._replace(mode="disabled"), keys, grid, old, mask)  # the mode makes no difference
-
-
-def _begin(
-    plan: Plan, keys: Array, grid: Start | None, old: Carry | None, mask: Bool[Array, "E"] | None
-) -> tuple[Carry, Seen]:
-    keys, state, spare = _draw(plan, keys)
+    drawn, begun, spare = _draw(plan, keys)
     if grid is not None:
         state = plan.env.begin(grid)
-    memories, noise = first_memories(plan.env, plan.groups, state), spare[0]
+        begun = Begun(state, _remembered(plan, state))
+    noise: Array | None = spare[:, 0]
     if old is not None and mask is not None:
-        state, memories, keys = _where(mask, (state, memories, keys), (old.state, old.memories, old.keys))
+        begun, drawn = _where(mask, (begun, drawn), (Begun(old.state, old.memories), old.keys))
         noise = old.noise
-    nothing = jnp.zeros((state.step.shape[0], len(plan.learners)))
+    no = jnp.zeros(begun.state.step.shape, bool)
+    nothing = jnp.zeros((len(plan.learners), *no.shape))
     seen: Seen = {
-        "observation": _observed(plan, state),
+        "observation": observed(plan, begun.state),
         "reward": nothing,
         "terminated": nothing > 0,
         "truncated": nothing > 0,
         "active": nothing == 0,
-        "over": jnp.zeros(state.step.shape, bool),
-        "info": _standing(plan, state),
+        "over": no,
+        "info": _standing(plan, begun.state),
     }
-    return Carry(state, memories, keys, jnp.zeros(state.step.shape, bool), noise), seen
+    carry = Carry(*begun, keys=drawn, pending=no, noise=noise)
+    return carry if plan.mode == "disabled" else carry._replace(following=begun, used=~no), seen
 
 
-# Compiled without LLVM's optimisations, in half the time: it runs once, and where single races are reset.
-_compiled_begin: Callable[..., tuple[Carry, Seen]] = eqx.filter_jit(  # type: ignore[call-overload]
-    _begin, compiler_options={"xla_backend_optimization_level": 0}
-)
-
-
-@eqx.filter_jit
-def fly_step(plan: Plan, rules: Rules, carry: Carry, actions: Float[Array, "E L A"]) -> tuple[Carry, Seen]:
-    """One control step of all races; those that end, or ended, begin anew as the plan's mode says."""
-    before, learners = carry.state, jnp.array(plan.learners)
-    noise, key = jax.random.split(carry.noise)
-    memories = (actions.transpose(2, 1, 0), *carry.memories[1:])
-    memories, action = act_together(plan.env, plan.groups, memories, before, key)
+def fly(plan: Plan, rules: Rules, carry: Carry, actions: Float[Array, "A L E"]) -> tuple[Carry, Seen]:
+    """One control step of all races, none of which begins anew."""
+    before = carry.state
+    assert carry.noise is not None
+    noise, key = jax.random.split(jax.random.wrap_key_data(carry.noise))
+    (_, *memories), action = act_together(plan.env, plan.groups, (actions, *carry.memories), before, key)
     state, outcome = plan.env.step(before, jnp.where(before.airborne, action, 0.0), rules)
-
-    active = before.airborne[learners] & ~carry.pending  # where it is pending, the step is the reset
+    racing = _of_learners(plan, state.airborne)
+    active = _of_learners(plan, before.airborne) & ~carry.pending  # where it is pending, the step is the reset
     late = state.step >= plan.limit
-    terminated = active & ~state.airborne[learners]
-    truncated = active & ~terminated & late
-    over = (~state.airborne[learners].any(axis=0) | late) & ~carry.pending
-    info = _info(plan, state, outcome, active)
+    terminated = active & ~racing
     seen: Seen = {
-        "reward": jnp.where(active, outcome.reward[learners], 0.0).T,
-        "terminated": terminated.T,
-        "truncated": truncated.T,
-        "active": active.T,
-        "over": over,
+        "reward": jnp.where(active, _of_learners(plan, outcome.reward), 0.0),
+        "terminated": terminated,
+        "truncated": active & ~terminated & late,
+        "active": active,
+        "over": (~racing.any(axis=0) | late) & ~carry.pending,
+        "info": _info(plan, state, outcome, active),
     }
+    return carry._replace(state=state, memories=tuple(memories), noise=jax.random.key_data(noise)), seen
+
+
+def step(plan: Plan, rules: Rules, carry: Carry, actions: Float[Array, "A L E"]) -> tuple[Carry, Seen]:
+    """One control step of all races; those that end, or ended, begin anew as the plan's mode says."""
+    pending = carry.pending
+    carry, seen = fly(plan, rules, carry, actions)
     if plan.mode == "same_step":
-        seen |= {"final_observation": _observed(plan, state), "final_info": info}
-    restart = {"next_step": carry.pending, "same_step": over, "disabled": None}[plan.mode]
-    keys = carry.keys
+        seen |= {"final_observation": observed(plan, carry.state), "final_info": seen["info"]}
+    restart = {"next_step": pending, "same_step": seen["over"], "disabled": None}[plan.mode]
     if restart is not None:
-        state, memories, keys = _restarted(plan, restart, (state, memories, keys))
-        info = _where(restart[:, None], _standing(plan, state), info)
-    pending = over if plan.mode == "next_step" else carry.pending
-    return Carry(state, memories, keys, pending, noise), seen | {"observation": _observed(plan, state), "info": info}
+        carry = begin_again(plan, restart, carry)
+        seen["info"] = _where(restart, _standing(plan, carry.state), seen["info"])
+    if plan.mode == "next_step":
+        carry = carry._replace(pending=seen["over"])
+    return carry, seen | {"observation": observed(plan, carry.state)}
 
 
-def _draw(plan: Plan, keys: Array) -> tuple[Array, RaceState, Array]:
-    """Every race's next randomness, its start, drawn by itself so that it is the same in any batch, and a spare key."""
-    keys, start_keys, spare = jnp.moveaxis(jax.vmap(lambda key: jax.random.split(key, 3))(keys), 1, 0)
-    return keys, jax.vmap(plan.env.reset, out_axes=-1)(start_keys), spare
+def begin_again(plan: Plan, restart: Bool[Array, "E"], carry: Carry) -> Carry:
+    """New starts in some races.
 
-
-def _restarted(plan: Plan, restart: Bool[Array, "E"], now: tuple) -> tuple:
-    """(state, memories, keys) with new starts in some races; nothing is drawn where there is none."""
+    Starts of all races are drawn at once, ahead, and only where one would have to serve twice: drawing them at every
+    step would cost more than flying. Each race draws by itself, so that its starts are the same in any batch.
+    """
+    assert carry.following is not None
+    assert carry.used is not None
+    used = carry.used
 
     def anew(now: tuple) -> tuple:
-        keys, state, _ = _draw(plan, now[2])
-        fresh: tuple = _where(restart, (state, first_memories(plan.env, plan.groups, state), keys), now)
+        keys, begun, _ = _draw(plan, carry.keys)
+        fresh: tuple = _where(used, (keys, begun, jnp.zeros_like(used)), now)
         return fresh
 
-    return jax.lax.cond(restart.any(), anew, lambda now: now, now)
+    now = (carry.keys, carry.following, used)
+    keys, following, used = jax.lax.cond((restart & used).any(), anew, lambda now: now, now)
+    state, memories = _where(restart, following, Begun(carry.state, carry.memories))
+    return carry._replace(state=state, memories=memories, keys=keys, following=following, used=used | restart)
+
+
+def observed(plan: Plan, state: RaceState) -> Float[Array, "O L E"]:
+    """What the learners see."""
+    return rows(plan.env.observe_as[plan.observation](perceive(state)), plan.learners, axis=1)
+
+
+def _draw(plan: Plan, keys: UInt32[Array, "K E"]) -> tuple[Array, Begun, Array]:
+    """Every race's next randomness, its start, drawn by itself so that it is the same in any batch, and a spare key."""
+    split = jax.vmap(lambda key: jax.random.split(key, 3))(jax.random.wrap_key_data(keys.T))
+    state = jax.vmap(plan.env.reset, out_axes=-1)(split[:, 1])
+    following, spare = (jax.random.key_data(split[:, i]).T for i in (0, 2))
+    return following, Begun(state, _remembered(plan, state)), spare
+
+
+def _remembered(plan: Plan, state: RaceState) -> tuple:
+    """What opponents remember at the start; learners are commanded, which leaves nothing to remember."""
+    return first_memories(plan.env, plan.groups[1:], state)
 
 
 def _where(mask: Array, new: Any, old: Any) -> Any:
-    """Leaves whose last axis, or first two where the mask has two, are those of the mask."""
+    """Leaves, whose last axis is the races, are those of the mask."""
     return jax.tree.map(lambda a, b: jnp.where(mask, a, b), new, old)
-
-
-def _observed(plan: Plan, state: RaceState) -> Float[Array, "E L O"]:
-    observation = plan.env.observe_as[plan.observation](perceive(state))
-    return observation[:, jnp.array(plan.learners)].transpose(2, 1, 0)
 
 
 def _standing(plan: Plan, state: RaceState) -> Info:
     """The information of a race that has just begun: nothing has happened."""
-    shape = (state.step.shape[0], len(plan.learners))
+    shape = (len(plan.learners), *state.step.shape)
     no, zero = jnp.zeros(shape, bool), jnp.zeros(shape)
     return {
         "time": zero,
         "gates_passed": jnp.zeros(shape, jnp.int32),
-        "next_gate": state.next_gate[jnp.array(plan.learners)].T,
+        "next_gate": _of_learners(plan, state.next_gate),
         "speed": zero,
         "passed_gate": no,
         "missed_gate": no,
         "finished": no,
-        "collision": {kind.hit: no for kind in COLLISION_KINDS},
-        "reward_components": dict.fromkeys(plan.env.reward.names, zero),
+        **{f"collision_{kind.hit}": no for kind in COLLISION_KINDS},
+        **{f"reward_{name}": zero for name in plan.env.reward.names},
     }
 
 
+def _of_learners(plan: Plan, values: Shaped[Array, "N E"]) -> Shaped[Array, "L E"]:
+    return rows(values, plan.learners, axis=0)
+
+
 def _info(plan: Plan, state: RaceState, outcome: StepOutcome, active: Bool[Array, "L E"]) -> Info:
-    learners = jnp.array(plan.learners)
 
     def mine(values: Array) -> Array:
-        return values[learners].T
+        return _of_learners(plan, values)
 
     terms = plan.env.reward.counted(outcome)
     time = (state.step * plan.env.dynamics.control_dt).astype(jnp.float32)
     return {
-        "time": jnp.broadcast_to(time[:, None], active.T.shape),
+        "time": jnp.broadcast_to(time, active.shape),
         "gates_passed": mine(state.gates_passed),
         "next_gate": mine(state.next_gate),
         "speed": mine(norm(state.drones.velocity_w)),
-        "passed_gate": mine(outcome.crossing.passed) & active.T,
-        "missed_gate": mine(outcome.crossing.missed) & active.T,
+        "passed_gate": mine(outcome.crossing.passed) & active,
+        "missed_gate": mine(outcome.crossing.missed) & active,
         "finished": mine(state.finished),
-        "collision": {hit: mine(met) & active.T for hit, met in outcome.collisions._asdict().items()},
-        "reward_components": {name: jnp.where(active.T, mine(value), 0.0) for name, value in terms.items()},
+        **{f"collision_{hit}": mine(met) & active for hit, met in outcome.collisions._asdict().items()},
+        **{f"reward_{name}": jnp.where(active, mine(value), 0.0) for name, value in terms.items()},
     }
+
+
+def _races_first(seen: Seen) -> Seen:
+    """[O, L, E], [L, E] and [E] to [E, L, O], [E, L] and [E]."""
+    return jax.tree.map(jnp.transpose, seen)
+
+
+@eqx.filter_jit
+def fly_step(plan: Plan, rules: Rules, carry: Carry, actions: Float[Array, "E L A"]) -> tuple[Carry, Seen]:
+    """`step` for arrays whose races are first."""
+    carry, seen = step(plan, rules, carry, actions.T)
+    return carry, _races_first(seen)
+
+
+def _begin_first(plan: Plan, *rest: Any) -> tuple[Carry, Seen]:
+    carry, seen = begin(plan, *rest)
+    return carry, _races_first(seen)
+
+
+# Compiled without LLVM's optimisations, in half the time: it runs once, and where single races are reset.
+begin_first: Callable[..., tuple[Carry, Seen]] = eqx.filter_jit(  # type: ignore[call-overload]
+    _begin_first, compiler_options={"xla_backend_optimization_level": 0}
+)

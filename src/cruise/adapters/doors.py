@@ -4,6 +4,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 from cruise.errors import CruiseError
+from cruise.extras import how_to_install
 
 if TYPE_CHECKING:
     from cruise.adapters.pettingzoo_env import ParallelRaceEnv
@@ -21,7 +22,7 @@ def parallel_env(**options: Any) -> "ParallelRaceEnv":
     Raises:
         CruiseError: the options do not go together, or PettingZoo is not installed.
     """
-    return _adapter("pettingzoo_env").ParallelRaceEnv(**options)
+    return adapter("cruise.adapters.pettingzoo_env").ParallelRaceEnv(**options)
 
 
 def vector_parallel_env(num_envs: int, **options: Any) -> "VectorParallelRaceEnv":
@@ -34,13 +35,15 @@ def vector_parallel_env(num_envs: int, **options: Any) -> "VectorParallelRaceEnv
     Raises:
         CruiseError: as `parallel_env`.
     """
-    return _adapter("pettingzoo_vector").VectorParallelRaceEnv(num_envs, **options)
+    return adapter("cruise.adapters.pettingzoo_vector").VectorParallelRaceEnv(num_envs, **options)
 
 
-def _adapter(name: str) -> Any:
+def adapter(name: str) -> Any:
+    """A module of this package, or of a library behind it. Raises CruiseError where the library is not installed."""
     try:
-        return importlib.import_module(f"cruise.adapters.{name}")
+        return importlib.import_module(name)
     except ModuleNotFoundError as error:
-        if error.name is None or error.name.partition(".")[0] not in ("gymnasium", "pettingzoo", "PIL"):
+        library = (error.name or "").partition(".")[0]
+        if library not in ("gymnasium", "pettingzoo"):
             raise
-        raise CruiseError(f"{error.name} is not installed: pip install 'cruise-racing[gym]'") from None
+        raise CruiseError(f"{library} is not installed: {how_to_install('gym')}") from None

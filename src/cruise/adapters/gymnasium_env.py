@@ -4,18 +4,37 @@ from typing import Any
 
 import gymnasium
 import numpy as np
+from gymnasium.envs.registration import EnvSpec
 from numpy.typing import ArrayLike
 
-from cruise.adapters.options import RaceOptions, set_up
+from cruise.adapters.options import RaceOptions
 from cruise.adapters.races import Races, StandingStart, Stepped
-from cruise.adapters.rendering import Screen, ansi
-from cruise.adapters.spaces import action_box, observation_box
+from cruise.adapters.rendering import Screen
+from cruise.adapters.spaces import action_box, keys_to_action, observation_box
 from cruise.errors import CruiseError
 
 RENDER_MODES = ("rgb_array", "human", "ansi")
 
 
-class RaceEnv(gymnasium.Env[np.ndarray, np.ndarray]):
+class Limited:
+    """An environment whose `spec` knows its time limit, whoever made it: wrappers read it there."""
+
+    _races: Races
+    _spec: EnvSpec | None = None
+
+    @property
+    def spec(self) -> EnvSpec | None:
+        """What `gymnasium.make` made it from, or None."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, spec: EnvSpec | None) -> None:
+        if spec is not None and spec.max_episode_steps is None:
+            spec.max_episode_steps = self._races.choices.limit
+        self._spec = spec
+
+
+class RaceEnv(Limited, gymnasium.Env[np.ndarray, np.ndarray]):
     """One drone learns, the others are flown by pilots. `docs/gymnasium.md` describes spaces, rewards and information.
 
     An episode is terminated when the learner has crashed or finished, truncated when the time is over.
@@ -24,7 +43,7 @@ class RaceEnv(gymnasium.Env[np.ndarray, np.ndarray]):
     metadata = {"render_modes": list(RENDER_MODES), "render_fps": 10}  # noqa: RUF012  (as the base class has it)
 
     def __init__(self, options: RaceOptions | None = None, *, render_mode: str | None = None, **changes: Any) -> None:
-        """Build the environment.
+        """Settle what is raced; it is built, and JAX started, at the first reset.
 
         Args:
             options: what is raced; see `RaceOptions`.
@@ -37,13 +56,13 @@ class RaceEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         if render_mode not in (None, *RENDER_MODES):
             raise CruiseError(f"unknown render_mode {render_mode!r}; there are {', '.join(RENDER_MODES)}")
         self.options = (options or RaceOptions()).changed(changes)
-        setup = set_up(self.options, everybody_learns=False)
-        self.metadata = self.metadata | {"render_fps": round(1 / setup.env.dynamics.control_dt)}
+        self._races = Races(self.options, False, 1, "disabled")
+        choices = self._races.choices
+        self.metadata = self.metadata | {"render_fps": round(1 / choices.vehicle.control_dt)}
         self.render_mode = render_mode
-        self._races = Races(setup, 1, "disabled")
-        self.observation_space = observation_box(setup)
-        self.action_space = action_box(setup)
-        self._screen = Screen(setup)
+        self.observation_space = observation_box(choices)
+        self.action_space = action_box(choices)
+        self._screen = Screen(self._races)
         self._begun = False
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[np.ndarray, dict]:
@@ -94,8 +113,11 @@ class RaceEnv(gymnasium.Env[np.ndarray, np.ndarray]):
             return None
         if self.render_mode == "human":
             return None
-        frame = self._screen.frame(self._races.state, 0)
-        return ansi(self._races.setup, frame) if self.render_mode == "ansi" else self._screen.picture(frame)
+        return self._screen.shown(self.render_mode, 0)
+
+    def get_keys_to_action(self) -> dict[tuple[str, ...], np.ndarray]:
+        """Full deflection by key, for `gymnasium.utils.play`: w s a d, and r f for the rest."""
+        return keys_to_action(self._races.choices)
 
     def close(self) -> None:
         """Close the window, if there is one."""
@@ -104,9 +126,9 @@ class RaceEnv(gymnasium.Env[np.ndarray, np.ndarray]):
     def _after(self, seen: Stepped) -> None:
         if self.render_mode is None:
             return
-        self._screen.follow(self._races.state)
+        self._screen.follow()
         if self.render_mode == "human":
-            self._screen.show(self._screen.frame(self._races.state, 0))
+            self._screen.show(0)
 
 
 def start_of(options: dict[str, Any] | None) -> StandingStart | None:
@@ -119,6 +141,6 @@ def start_of(options: dict[str, Any] | None) -> StandingStart | None:
     return StandingStart(start["position_w"], start["gate"])
 
 
-def single(info: dict[str, Any]) -> dict[str, Any]:
-    """Information of the only learner of the only race, as plain numbers."""
-    return {name: single(value) if isinstance(value, dict) else value[0, 0].item() for name, value in info.items()}
+def single(info: dict[str, Any], drone: int = 0) -> dict[str, Any]:
+    """Information of a learner of the only race, as NumPy's scalars."""
+    return {name: value[0, drone] for name, value in info.items()}

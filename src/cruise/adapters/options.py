@@ -1,36 +1,42 @@
-"""What a race through an adapter is, as its user says it, and what follows from it."""
+"""What a race through an adapter is, as its user says it, and what follows from it. Nothing here starts JAX."""
 
 import dataclasses
 import difflib
-import functools
 import math
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
-import jax
-import jax.numpy as jnp
-
-from cruise.config import ObservationKind, RewardWeights, Stage, Track, TrainConfig, Vehicle
-from cruise.env.observation import OBSERVATIONS, find_observation
-from cruise.env.payment import find_reward_terms, make_reward
-from cruise.env.race_env import RaceEnv, make_race_env
-from cruise.env.types import Rules, stage_rules
+from cruise.actions import Action
+from cruise.config import ObservationKind, Randomisation, RewardWeights, Stage, Track, TrainConfig, Vehicle
+from cruise.dynamics import make_dynamics
+from cruise.env.observation import observation_layout
+from cruise.env.payment import find_reward_terms
+from cruise.env.randomise import made_for
 from cruise.errors import CruiseError
-from cruise.evaluation.matches import MAX_DRONES, MAX_LAPS, Match, make_match
-from cruise.evaluation.pilot_choice import PilotChoice
-from cruise.pilots.base import Crew, Pilot, Versatile, crews
-from cruise.pilots.foreign import Commanded
+from cruise.evaluation.matches import MAX_DRONES, MAX_LAPS, Match
+from cruise.evaluation.pilot_choice import PilotChoice, pilot_meta
 from cruise.pilots.terms_file import load_all_terms
-from cruise.precision import single_precision
-from cruise.presets import CURRICULUM, REWARDS, curriculum_of, training_config
+from cruise.presets import (
+    CURRICULUM,
+    MAX_RANDOMISE,
+    REWARDS,
+    curriculum_of,
+    full_randomisation,
+    training_config,
+)
 from cruise.racing.track_file import load_track
 from cruise.storage.policy_file import shipped_name
-from cruise.vehicles import VehicleChoice, load_vehicle, reference_to
+from cruise.terms import Entry, RewardTerm, Setting
+from cruise.vehicles import VehicleChoice, find_vehicle, fly_alike, load_vehicle, reference_to
 
 RACE = "race"
-EPISODE_STEPS = 600  # time limit of an episode that is no race, in control steps
+ALSO_CALLED = {"max_episode_steps": "episode_steps", "max_cycles": "episode_steps"}  # by Gymnasium and PettingZoo
+
+
+class UnknownOption(CruiseError, TypeError):
+    """An option that a race does not have, in the words of Python for an argument that a function does not have."""
 
 
 @dataclass(frozen=True)
@@ -63,35 +69,54 @@ class RaceOptions:
     agility: float | None = None
     """Scale of the learner's action [m/s^2]. By default the stage's in the vehicle's curriculum."""
     episode_steps: int | None = None
-    """Time limit in control steps, at which an episode is truncated. By default 600, or a race's usual limit."""
+    """Time limit in control steps, at which an episode is truncated. By default that of training episodes, or a race's
+    usual limit. `max_episode_steps` and `max_cycles` are other names of it."""
+    randomise: float | Randomisation | None = None
+    """How far races differ from what vehicle and track say, as a share of all that the vehicle may differ by, or each
+    spread. By default as policies of the vehicle are trained; in a real race 0."""
 
     def changed(self, changes: dict[str, Any]) -> "RaceOptions":
-        """With some options changed. Raises CruiseError where there is no such option."""
+        """With some options changed.
+
+        Raises:
+            UnknownOption: there is no such option.
+        """
         known = [field.name for field in dataclasses.fields(self)]
-        for name in changes:
+        given = {ALSO_CALLED.get(name, name): value for name, value in changes.items()}
+        for name in given:
             if name not in known:
                 close = difflib.get_close_matches(name, known, n=1)
                 hint = f"did you mean {close[0]!r}? " if close else ""
-                raise CruiseError(f"unknown option {name!r} of a race: {hint}options: {', '.join(known)}")
-        return dataclasses.replace(self, **changes)
+                raise UnknownOption(
+                    f"unexpected keyword argument {name!r} of a race: {hint}options: {', '.join(known)}"
+                )
+        if len(given) < len(changes):
+            raise UnknownOption(f"episode_steps has two names here: {', '.join(changes)}; give one")
+        return dataclasses.replace(self, **given)
 
 
-class Setup(NamedTuple):
-    """Static choices of a race, its rules, and who flies."""
+class Choices(NamedTuple):
+    """What follows from the options: static, and known before JAX starts."""
 
-    env: RaceEnv
     track: Track
     vehicle: Vehicle
-    observation: ObservationKind
-    rules: Rules  # arrays
     learners: tuple[int, ...]  # drones that are flown from outside
-    groups: tuple[Crew, ...]  # the learners' first
+    opponents: tuple[PilotChoice, ...]  # of the other drones, taking turns
+    stage: Stage
+    agility: float  # scale of the learners' actions
+    gates_to_finish: int  # 0: no finish
+    collision_distance: float  # [m]
+    observation: ObservationKind
+    weights: RewardWeights
+    more_terms: tuple[RewardTerm, ...]  # of the reward
+    randomisation: Randomisation
     limit: int  # of an episode, in control steps
-    names: tuple[str, ...]  # of the drones' pilots
+    drones: int
+    layout: tuple[Entry, ...]  # what the numbers of the observation are
+    action: Action  # what the numbers of an action are
 
 
-@single_precision
-def set_up(options: RaceOptions, everybody_learns: bool) -> Setup:
+def choose(options: RaceOptions, everybody_learns: bool) -> Choices:
     """What follows from the options.
 
     Raises:
@@ -100,44 +125,32 @@ def set_up(options: RaceOptions, everybody_learns: bool) -> Setup:
     files = (options.terms,) if isinstance(options.terms, str | os.PathLike) else options.terms
     more = find_reward_terms(load_all_terms(files))
     track = options.track if isinstance(options.track, Track) else load_track(options.track)
-    vehicle, stage, agility = _chosen(options)
+    vehicle, stage, agility = _stage(options)
     drones = _drones(options, everybody_learns)
     usual = training_config(vehicle, drones)
-    observation, weights = _observation(options, usual), _weights(options, usual)
     learners = tuple(range(drones)) if everybody_learns else (0,)
-    opponents = _opponents(options, track, vehicle, drones) if len(learners) < drones else ()
-    laps = _laps(options, track)
-    known = tuple(OBSERVATIONS.values())
-    env = _race_env(track, drones, vehicle, observation, weights, more, known)
-    scales = [agility] * len(learners) + [pilot.agility for pilot in opponents]
-    rules = _rules(stage, vehicle, usual, laps * len(track.gates) + 1 if options.stage == RACE else 0)
-    rules = rules._replace(agility=jnp.array(scales, jnp.float32)[:, None])
-    others = (Crew(c.pilot, tuple(d + len(learners) for d in c.drones)) for c in crews(opponents))
-    return Setup(
-        env=env,
+    laps, race = _laps(options, track), options.stage == RACE
+    randomisation = _randomisation(options, usual, vehicle)
+    dynamics = make_dynamics(made_for(vehicle, randomisation))
+    observation = usual.observation if options.observation is None else options.observation
+    return Choices(
         track=track,
         vehicle=vehicle,
-        observation=observation,
-        rules=jax.tree.map(jnp.asarray, rules),
         learners=learners,
-        groups=(Crew(Commanded(observation), learners), *others),
-        limit=_limit(options, track, laps, vehicle),
-        names=("learner",) * len(learners) + tuple(pilot.name for pilot in opponents),
+        opponents=_opponents(options, track, vehicle, drones) if len(learners) < drones else (),
+        stage=stage,
+        agility=agility,
+        gates_to_finish=laps * len(track.gates) + 1 if race else 0,
+        collision_distance=vehicle.collision_distance if race else usual.collision_distance,
+        observation=observation,
+        weights=_weights(options, usual),
+        more_terms=more,
+        randomisation=randomisation,
+        limit=_limit(options, usual, Match(track, (), laps).time_limit / vehicle.control_dt),
+        drones=drones,
+        layout=observation_layout(observation, Setting(drones, len(track.gates), dynamics)),
+        action=dynamics.action,
     )
-
-
-@functools.lru_cache(maxsize=16)
-def _race_env(*choices: Any) -> RaceEnv:
-    """The same environment for the same choices and known observations, so that nothing is compiled twice."""
-    track, drones, vehicle, observation, weights, more, _ = choices
-    return make_race_env(track, drones, vehicle, observation, make_reward(weights, more))
-
-
-def _observation(options: RaceOptions, usual: TrainConfig) -> ObservationKind:
-    """What the learner sees. Raises CruiseError where there is no such observation."""
-    chosen = usual.observation if options.observation is None else options.observation
-    find_observation(chosen)
-    return chosen
 
 
 def _weights(options: RaceOptions, usual: TrainConfig) -> RewardWeights:
@@ -146,11 +159,12 @@ def _weights(options: RaceOptions, usual: TrainConfig) -> RewardWeights:
         return usual.reward
     if isinstance(options.reward, RewardWeights):
         return options.reward
-    _one_of("reward", options.reward, tuple(REWARDS))
+    if options.reward not in REWARDS:
+        raise CruiseError(f"unknown reward {options.reward!r}; there are {', '.join(REWARDS)}")
     return REWARDS[options.reward]
 
 
-def _chosen(options: RaceOptions) -> tuple[Vehicle, Stage, float]:
+def _stage(options: RaceOptions) -> tuple[Vehicle, Stage, float]:
     """Vehicle, its stage and agility."""
     vehicle = load_vehicle(options.vehicle)
     curriculum = curriculum_of(vehicle)
@@ -164,37 +178,33 @@ def _chosen(options: RaceOptions) -> tuple[Vehicle, Stage, float]:
     return vehicle, stage, agility
 
 
-def _one_of(name: str, value: object, known: Sequence[str]) -> None:
-    if value not in known:
-        raise CruiseError(f"unknown {name} {value!r}; there are {', '.join(known)}")
-
-
 def _drones(options: RaceOptions, everybody_learns: bool) -> int:
     if everybody_learns and options.opponents is not None:
-        raise CruiseError("in PettingZoo every drone is an agent: opponents are for cruise/Race-v0 in Gymnasium")
-    drones = options.drones
+        raise CruiseError("here every drone is an agent: opponents are for cruise/Race-v0 and for cruise.make")
+    drones, several = options.drones, isinstance(options.opponents, list | tuple)
     if drones is None:
-        several = isinstance(options.opponents, list | tuple)
         drones = 4 if everybody_learns else len(options.opponents) + 1 if several else 2  # type: ignore[arg-type]
     if not 1 <= drones <= MAX_DRONES:
         raise CruiseError(f"drones must be from 1 to {MAX_DRONES}, got {drones}")
     if drones == 1 and options.opponents not in (None, [], ()):
         raise CruiseError("a race of 1 drone has no opponents")
+    if several and len(options.opponents) >= max(drones, 2):  # type: ignore[arg-type]
+        raise CruiseError(f"{len(options.opponents)} opponents in a race of {drones} drones: one learns")  # type: ignore[arg-type]
     return drones
 
 
-def _opponents(options: RaceOptions, track: Track, vehicle: Vehicle, drones: int) -> tuple[Pilot, ...]:
+def _opponents(options: RaceOptions, track: Track, vehicle: Vehicle, drones: int) -> tuple[PilotChoice, ...]:
+    """Who flies the others. Policies are looked up here, and loaded where JAX may start."""
     choices = options.opponents
     if choices is None or (isinstance(choices, list | tuple) and not choices):
         choices = shipped_name(track.name, drones, reference_to(vehicle))
-    several: list[Any] = list(choices) if isinstance(choices, list | tuple) else [choices]
-    return make_match(track, drones - 1, [_aboard(one, vehicle) for one in several], vehicle=vehicle).team
-
-
-def _aboard(choice: PilotChoice, vehicle: Vehicle) -> PilotChoice:
-    """A pilot that can fly any vehicle, put into the one that is raced: the learner's."""
-    ready = not isinstance(choice, type) and isinstance(choice, Pilot) and isinstance(choice, Versatile)
-    return choice.for_vehicle(vehicle) if ready else choice  # type: ignore[union-attr]
+    several: tuple[PilotChoice, ...] = tuple(choices) if isinstance(choices, list | tuple) else (choices,)  # type: ignore[assignment]
+    for choice in several:
+        meta = pilot_meta(choice)
+        if meta is not None and not fly_alike(find_vehicle(meta.vehicle), vehicle):
+            made_in = find_vehicle(meta.vehicle).name
+            raise CruiseError(f"opponent {choice!r} flies vehicle {made_in!r}, and this race {vehicle.name!r}")
+    return several
 
 
 def _laps(options: RaceOptions, track: Track) -> int:
@@ -207,18 +217,20 @@ def _laps(options: RaceOptions, track: Track) -> int:
     return options.laps
 
 
-def _rules(stage: Stage, vehicle: Vehicle, usual: TrainConfig, gates_to_finish: int) -> Rules:
-    if not gates_to_finish:
-        return stage_rules(stage, usual.collision_distance)
-    strict = stage_rules(stage, vehicle.collision_distance)
-    return strict._replace(gate_tolerance=0.0, terminal_collisions=True, gates_to_finish=gates_to_finish)
+def _randomisation(options: RaceOptions, usual: TrainConfig, vehicle: Vehicle) -> Randomisation:
+    asked = options.randomise
+    if asked is None:
+        return Randomisation() if options.stage == RACE else usual.randomisation
+    if isinstance(asked, Randomisation):
+        return asked
+    if not 0 <= asked <= MAX_RANDOMISE:
+        raise CruiseError(f"randomise must be from 0 to {MAX_RANDOMISE}, got {asked}")
+    return full_randomisation(vehicle).scaled(asked)
 
 
-def _limit(options: RaceOptions, track: Track, laps: int, vehicle: Vehicle) -> int:
-    if options.episode_steps is not None:
-        if options.episode_steps < 1:
-            raise CruiseError(f"episode_steps must be 1 or more, got {options.episode_steps}")
-        return options.episode_steps
-    if options.stage == RACE:
-        return round(Match(track, (), laps).time_limit / vehicle.control_dt)
-    return EPISODE_STEPS
+def _limit(options: RaceOptions, usual: TrainConfig, of_a_race: float) -> int:
+    if options.episode_steps is None:
+        return round(of_a_race) if options.stage == RACE else usual.episode_steps
+    if options.episode_steps < 1:
+        raise CruiseError(f"episode_steps must be 1 or more, got {options.episode_steps}")
+    return options.episode_steps

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pettingzoo import ParallelEnv
 
-from cruise.adapters.gymnasium_env import RENDER_MODES, start_of
-from cruise.adapters.options import RaceOptions, Setup, set_up
+from cruise.adapters.gymnasium_env import RENDER_MODES, single, start_of
+from cruise.adapters.options import Choices, RaceOptions
 from cruise.adapters.races import Races, Stepped
-from cruise.adapters.rendering import Screen, ansi
+from cruise.adapters.rendering import Screen
 from cruise.adapters.spaces import action_box, observation_box
 from cruise.errors import CruiseError
 
@@ -27,22 +27,21 @@ class ParallelRaceEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
     metadata = {"name": "cruise_race_v0", "render_modes": list(RENDER_MODES), "is_parallelizable": True}  # noqa: RUF012
 
     def __init__(self, options: RaceOptions | None = None, *, render_mode: str | None = None, **changes: Any) -> None:
-        """Build the environment; see `RaceEnv` of Gymnasium. Everybody learns, nobody is an opponent."""
+        """Settle what is raced; see `RaceEnv` of Gymnasium. Everybody learns, nobody is an opponent."""
         if render_mode not in (None, *RENDER_MODES):
             raise CruiseError(f"unknown render_mode {render_mode!r}; there are {', '.join(RENDER_MODES)}")
         self.options = (options or RaceOptions()).changed(changes)
-        setup = set_up(self.options, everybody_learns=True)
-        self.metadata = self.metadata | {"render_fps": round(1 / setup.env.dynamics.control_dt)}
+        self._races = Races(self.options, True, 1, "disabled")
+        choices = self._races.choices
+        self.metadata = self.metadata | {"render_fps": round(1 / choices.vehicle.control_dt)}
         self.render_mode = render_mode
-        self.possible_agents = agents_of(setup)
+        self.possible_agents = agents_of(choices)
         self.agents: list[str] = []
-        self.observation_spaces = {agent: observation_box(setup) for agent in self.possible_agents}
-        self.action_spaces = {agent: action_box(setup) for agent in self.possible_agents}
-        self._races = Races(setup, 1, "disabled")
-        self._screen = Screen(setup)
-        self._seen = np.zeros(
-            (setup.env.num_drones, *self.observation_spaces[self.possible_agents[0]].shape), np.float32
-        )
+        self.observation_spaces = {agent: observation_box(choices) for agent in self.possible_agents}
+        self.action_spaces = {agent: action_box(choices) for agent in self.possible_agents}
+        self.max_cycles = choices.limit
+        self._screen = Screen(self._races)
+        self._seen = np.zeros((choices.drones, *self.observation_spaces[self.possible_agents[0]].shape), np.float32)
         self._begun = False
 
     def observation_space(self, agent: str) -> gymnasium.spaces.Space:
@@ -93,16 +92,15 @@ class ParallelRaceEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
     @property
     def state_space(self) -> gymnasium.spaces.Box:
         """Bounds of `state()`."""
-        box = observation_box(self._races.setup)
+        box = observation_box(self._races.choices)
         count = len(self.possible_agents)
         return gymnasium.spaces.Box(np.tile(box.low, count), np.tile(box.high, count), dtype=np.float32)
 
     def render(self) -> Any:
         """As `cruise.adapters.gymnasium_env.RaceEnv.render`."""
-        if self.render_mode in (None, "human"):
+        if self.render_mode is None or self.render_mode == "human":
             return None
-        frame = self._screen.frame(self._races.state, 0)
-        return ansi(self._races.setup, frame) if self.render_mode == "ansi" else self._screen.picture(frame)
+        return self._screen.shown(self.render_mode, 0)
 
     def close(self) -> None:
         """Close the window, if there is one."""
@@ -110,7 +108,7 @@ class ParallelRaceEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
 
     def _given(self, actions: Mapping[str, ArrayLike]) -> np.ndarray:
         """[N, A], 0 for who has left."""
-        size = self._races.setup.env.dynamics.action_size
+        size = self._races.choices.action.size
         given = np.zeros((len(self.possible_agents), size), np.float32)
         for drone, agent in enumerate(self.possible_agents):
             if agent not in self.agents:
@@ -130,22 +128,17 @@ class ParallelRaceEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
         return {agent: values[0, self.possible_agents.index(agent)] for agent in self.agents}
 
     def _information(self, seen: Stepped) -> Values:
-        return {agent: one_of(seen.info, self.possible_agents.index(agent)) for agent in self.agents}
+        return {agent: single(seen.info, self.possible_agents.index(agent)) for agent in self.agents}
 
     def _after(self, seen: Stepped) -> None:
         self._seen = seen.observation[0]
         if self.render_mode is None:
             return
-        self._screen.follow(self._races.state)
+        self._screen.follow()
         if self.render_mode == "human":
-            self._screen.show(self._screen.frame(self._races.state, 0))
+            self._screen.show(0)
 
 
-def agents_of(setup: Setup) -> list[str]:
+def agents_of(choices: Choices) -> list[str]:
     """Names of all drones."""
-    return [f"drone_{drone}" for drone in range(setup.env.num_drones)]
-
-
-def one_of(info: dict[str, Any], drone: int) -> dict[str, Any]:
-    """A drone's information in the only race, as plain numbers."""
-    return {k: one_of(value, drone) if isinstance(value, dict) else value[0, drone].item() for k, value in info.items()}
+    return [f"drone_{drone}" for drone in range(choices.drones)]

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cruise.adapters.gymnasium_env import start_of
-from cruise.adapters.options import RaceOptions, set_up
+from cruise.adapters.options import RaceOptions
 from cruise.adapters.pettingzoo_env import Values, agents_of
 from cruise.adapters.races import Races
 from cruise.adapters.spaces import action_box, observation_box
@@ -24,15 +24,15 @@ class VectorParallelRaceEnv:
     """
 
     def __init__(self, num_envs: int, options: RaceOptions | None = None, **changes: Any) -> None:
-        """Build the environment; see `cruise.adapters.pettingzoo_env.ParallelRaceEnv`."""
+        """Settle what is raced; see `cruise.adapters.pettingzoo_env.ParallelRaceEnv`."""
         if num_envs < 1:
             raise CruiseError(f"num_envs must be 1 or more, got {num_envs}")
         self.options = (options or RaceOptions()).changed(changes)
-        setup = set_up(self.options, everybody_learns=True)
+        self._races = Races(self.options, True, num_envs, "same_step")
+        choices = self._races.choices
         self.num_envs = num_envs
-        self.agents = self.possible_agents = agents_of(setup)
-        self._observation_space, self._action_space = observation_box(setup), action_box(setup)
-        self._races = Races(setup, num_envs, "same_step")
+        self.agents = self.possible_agents = agents_of(choices)
+        self._observation_space, self._action_space = observation_box(choices), action_box(choices)
         self._begun = False
 
     def observation_space(self, agent: str) -> gymnasium.spaces.Space:
@@ -91,4 +91,4 @@ class VectorParallelRaceEnv:
 
 
 def _of(info: dict[str, Any], drone: int) -> dict[str, Any]:
-    return {name: _of(value, drone) if isinstance(value, dict) else value[:, drone] for name, value in info.items()}
+    return {name: value[:, drone] for name, value in info.items()}

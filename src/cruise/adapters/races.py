@@ -1,23 +1,24 @@
 """A batch of races under one compiled step, with NumPy arrays outside: what every adapter is a thin layer over."""
 
+import copy
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
 
-from cruise.adapters.compiled import Carry, Plan, Reset, begin, fly_step
-from cruise.adapters.options import Setup
+from cruise.adapters.compiled import Carry, Reset, begin_first, fly_step
+from cruise.adapters.options import RaceOptions, choose
+from cruise.adapters.setup import Setup, set_up
+from cruise.adapters.workers import start_jax
 from cruise.env.types import RaceState
 from cruise.errors import CruiseError
-from cruise.pilots.python_pilot import separate_python_pilots
 from cruise.precision import single_precision
 from cruise.racing.grid import Start
 from cruise.rollout import ask_python
 
-Info = dict[str, Any]  # arrays [E, L], or dictionaries of such
+Info = dict[str, np.ndarray]  # [E, L] each
 
 
 class Stepped(NamedTuple):
@@ -35,16 +36,38 @@ class Stepped(NamedTuple):
 
 
 class Races:
-    """Races that are flown from outside."""
+    """Races that are flown from outside. Before the first reset nothing of JAX runs, and nothing is compiled."""
 
-    @single_precision
-    def __init__(self, setup: Setup, num_races: int, mode: Reset) -> None:
-        """Nothing is compiled before the first reset."""
-        self.setup, self.num_races = setup, num_races
-        groups, self._python_pilots = separate_python_pilots(setup.env, setup.groups)
-        self._plan = Plan(setup.env, groups, setup.learners, setup.observation, mode, jnp.int32(setup.limit))
+    def __init__(self, options: RaceOptions, everybody_learns: bool, num_races: int, mode: Reset) -> None:
+        """Raises CruiseError where the options do not go together."""
+        self._asked = (options, everybody_learns)
+        self.choices, self.num_races, self.mode = choose(*self._asked), num_races, mode
+        self._setup: Setup | None = None
         self._carry: Carry | None = None
-        self._shape = (num_races, len(setup.learners), setup.env.dynamics.action_size)
+
+    def many(self, num_races: int) -> "Races":
+        """So many of these races, before the first reset."""
+        races = copy.copy(self)
+        races.num_races = num_races
+        return races
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Options, and the races as they are in NumPy: what another process builds them from, without JAX."""
+        kept = {"asked": self._asked, "num_races": self.num_races, "mode": self.mode}
+        return kept | {"carry": jax.tree.map(np.asarray, self._carry)}
+
+    def __setstate__(self, kept: dict[str, Any]) -> None:
+        """As they were."""
+        self.__init__(*kept["asked"], kept["num_races"], kept["mode"])  # type: ignore[misc]
+        self._carry = kept["carry"]
+
+    @property
+    def setup(self) -> Setup:
+        """What is flown, built at the first use. Raises CruiseError where an opponent does not fit the race."""
+        if self._setup is None:
+            start_jax()
+            self._setup = set_up(self.choices, self.mode)
+        return self._setup
 
     @property
     def state(self) -> RaceState:
@@ -63,35 +86,39 @@ class Races:
             mask: [E] which races; by default all.
             start: where the drones stand; by default drawn.
         """
+        start_jax()
         if seeds is not None:
-            words = np.array([[seed & 0xFFFFFFFF, (seed >> 32) & 0xFFFFFFFF] for seed in seeds], np.uint32)
-            keys = _keys(words)
+            keys = _keys(np.array([[seed & 0xFFFFFFFF, (seed >> 32) & 0xFFFFFFFF] for seed in seeds], np.uint32))
         else:
             keys = self._running().keys
         grid = None if start is None else start.grid(self.setup, self.num_races)
         old = None if mask is None or mask.all() else self._running()
         if old is not None:
-            keys = _chosen(jnp.asarray(mask), keys, old.keys)
-        self._carry, seen = begin(self._plan, keys, grid, old, None if old is None else jnp.asarray(mask))
+            keys = jnp.where(jnp.asarray(mask), keys, old.keys)
+        self._carry, seen = begin_first(self.setup.plan, keys, grid, old, None if old is None else jnp.asarray(mask))
         return _stepped(seen)
 
     @single_precision
     def step(self, actions: np.ndarray) -> Stepped:
         """Fly one control step with actions [E, L, A]."""
         given = np.asarray(actions, np.float32)
-        if given.shape != self._shape:
-            raise CruiseError(f"actions have shape {list(given.shape)}, expected {list(self._shape)}")
+        expected = (self.num_races, len(self.choices.learners), self.choices.action.size)
+        if given.shape != expected:
+            raise CruiseError(f"actions have shape {list(given.shape)}, expected {list(expected)}")
         if not np.isfinite(given).all():
             raise CruiseError("actions must be finite numbers in [-1, 1], got some that are not finite")
-        carry = self._running()
-        if self._python_pilots:
-            carry = carry._replace(memories=ask_python(self._python_pilots, carry.memories, carry.state))
-        self._carry, seen = fly_step(self._plan, self.setup.rules, carry, jnp.asarray(given))
+        carry, setup = self._running(), self.setup
+        if setup.python_pilots:
+            _, *memories = ask_python(setup.python_pilots, (None, *carry.memories), carry.state)
+            carry = carry._replace(memories=tuple(memories))
+        self._carry, seen = fly_step(setup.plan, setup.rules, carry, jnp.asarray(given))
         return _stepped(seen)
 
     def _running(self) -> Carry:
         if self._carry is None:
             raise CruiseError("the environment was not reset: call reset() before step()")
+        start_jax()
+        self._carry = jax.tree.map(jnp.asarray, self._carry)  # it may have come out of a pickle
         return self._carry
 
 
@@ -103,7 +130,8 @@ class StandingStart(NamedTuple):
 
     def grid(self, setup: Setup, races: int) -> Start:
         """As the environment wants it. Raises CruiseError where the shapes are not right."""
-        drones, gates = setup.env.num_drones, setup.env.course.num_gates
+        env = setup.env
+        drones, gates = env.num_drones, env.course.num_gates
         try:
             position = np.broadcast_to(np.asarray(self.position_w, np.float32), (races, drones, 3))
             gate = np.broadcast_to(np.asarray(self.gate, np.int32), (races,))
@@ -111,11 +139,9 @@ class StandingStart(NamedTuple):
             raise CruiseError(f"a start has positions [{drones}, 3] or [{races}, {drones}, 3], and a gate") from None
         if not (np.isfinite(position).all() and ((gate >= 0) & (gate < gates)).all()):
             raise CruiseError(f"a start has finite positions, and a gate from 0 to {gates - 1}")
-        if setup.env.track.variants:
-            raise CruiseError(
-                f"a start needs a track whose gates are known, and {setup.env.track.name!r} is drawn anew"
-            )
-        x, y = np.asarray(setup.env.course.normal_w)[:, gate]
+        if env.track.variants:
+            raise CruiseError(f"a start needs a track whose gates are known, and {env.track.name!r} is drawn anew")
+        x, y = np.asarray(env.course.normal_w)[:, gate]
         heading = np.broadcast_to(np.arctan2(y, x), (drones, races))
         return Start(jnp.asarray(position.transpose(2, 1, 0)), jnp.asarray(heading), jnp.asarray(gate))
 
@@ -126,10 +152,6 @@ def _stepped(seen: dict) -> Stepped:
 
 
 @jax.jit
-def _keys(words: Array) -> Array:
-    return jax.vmap(lambda w: jax.random.fold_in(jax.random.key(w[0]), w[1]))(words)
-
-
-@jax.jit
-def _chosen(mask: Array, new: Array, old: Array) -> Array:
-    return jnp.where(mask, new, old)
+def _keys(words: jax.Array) -> jax.Array:
+    """[K, E] the data of a key for every race."""
+    return jax.random.key_data(jax.vmap(lambda w: jax.random.fold_in(jax.random.key(w[0]), w[1]))(words)).T

@@ -8,8 +8,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from PIL import Image, ImageDraw
 
-from cruise.adapters.options import Setup
-from cruise.env.types import RaceState
+from cruise.adapters.races import Races
+from cruise.adapters.setup import Setup
+from cruise.config import Track
 from cruise.racing.shapes import footprint
 from cruise.racing.solids import outlines
 from cruise.viewer.painting import look
@@ -40,47 +41,58 @@ class Frame(NamedTuple):
 class Screen:
     """Keeps what a picture needs beside the state, and the window."""
 
-    def __init__(self, setup: Setup) -> None:
+    def __init__(self, races: Races) -> None:
         """Nothing is drawn yet."""
-        self.setup = setup
+        self._races = races
         self._trail: deque[np.ndarray] = deque(maxlen=TRAIL)
         self._scene: Scene | None = None
         self._window: _Window | None = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Without scene and window, which are drawn anew."""
+        return self.__dict__ | {"_scene": None, "_window": None}
 
     def begin(self) -> None:
         """Races begin anew."""
         self._trail.clear()
 
-    def follow(self, state: RaceState) -> None:
+    def follow(self) -> None:
         """Remember where the drones are."""
-        self._trail.append(np.asarray(state.drones.position_w).T)  # [E, N, 3]
+        self._trail.append(np.asarray(self._races.state.drones.position_w).T)  # [E, N, 3]
 
-    def frame(self, state: RaceState, race: int) -> Frame:
+    def frame(self, race: int) -> Frame:
         """What there is to draw of a race."""
-        rotation = np.moveaxis(np.asarray(self.setup.env.dynamics.rotation(state.drones))[..., race], -1, 0)
+        state, dynamics = self._races.state, self._races.setup.env.dynamics
+        rotation = np.moveaxis(np.asarray(dynamics.rotation(state.drones))[..., race], -1, 0)
         position, velocity = (np.asarray(v)[..., race].T for v in (state.drones.position_w, state.drones.velocity_w))
         counted = (state.next_gate, state.gates_passed, state.out, state.finished)
         gate, passed, out, finished = (np.asarray(value)[..., race] for value in counted)
         steps = int(np.asarray(state.step)[race])
         trail = [places[race] for places in self._trail][-steps - 1 :]
-        seconds = steps * self.setup.env.dynamics.control_dt
+        seconds = steps * dynamics.control_dt
         return Frame(seconds, position, velocity, rotation, gate, passed, out, finished, np.array(trail or [position]))
+
+    def shown(self, mode: str, race: int) -> Any:
+        """A race as text for `ansi`, or else as a picture [H, W, 3] uint8."""
+        frame = self.frame(race)
+        return ansi(self._races.setup, frame) if mode == "ansi" else self.picture(frame)
 
     def picture(self, frame: Frame) -> np.ndarray:
         """[H, W, 3] uint8."""
-        lines = status(self.setup, frame)[:MOST_ROWS]
+        setup, track = self._races.setup, self._races.choices.track
+        lines = status(setup, frame)[:MOST_ROWS]
         if self._scene is None:
             margins = (EDGE, EDGE + ROW * (len(lines) + 1.5), EDGE, EDGE)
-            self._scene = make_scene(track_scenery(self.setup.track), SIZE, margins)
-        picture = paint_scene(self._scene, _drones(frame), _strips(self.setup, frame))
-        _write(picture, f"{self.setup.track.name}   {frame.time:.1f} s", lines)
+            self._scene = make_scene(track_scenery(track), SIZE, margins)
+        picture = paint_scene(self._scene, _drones(frame), _strips(track, frame))
+        _write(picture, f"{track.name}   {frame.time:.1f} s", lines)
         return np.asarray(picture)
 
-    def show(self, frame: Frame) -> None:
+    def show(self, race: int) -> None:
         """Draw in a window, in real time."""
         if self._window is None:
-            self._window = _Window(self.setup.env.dynamics.control_dt)
-        self._window.show(self.picture(frame))
+            self._window = _Window(self._races.choices.vehicle.control_dt)
+        self._window.show(self.picture(self.frame(race)))
 
     def close(self) -> None:
         """Close the window."""
@@ -98,10 +110,10 @@ def _drones(frame: Frame) -> list[Drone]:
     ]
 
 
-def _strips(setup: Setup, frame: Frame) -> list[look.Colour]:
+def _strips(track: Track, frame: Frame) -> list[look.Colour]:
     """The gate that drone 1 flies to is lit."""
     following = int(frame.next_gate[0])
-    return [look.HIGHLIGHT if gate == following else look.STRIP for gate in range(len(setup.track.gates))]
+    return [look.HIGHLIGHT if gate == following else look.STRIP for gate in range(len(track.gates))]
 
 
 def _write(picture: Image.Image, title: str, lines: list[str]) -> None:
@@ -162,7 +174,7 @@ def status(setup: Setup, frame: Frame) -> list[str]:
 
 def ansi(setup: Setup, frame: Frame) -> str:
     """The race from above, in characters: gates by letter, drones by number, solids as #; then a line per drone."""
-    gates = np.array([gate.position_w for gate in setup.track.gates])
+    gates = np.array([gate.position_w for gate in setup.env.track.gates])
     points = np.concatenate([gates, frame.position_w])[:, :2]
     low = np.minimum(points.min(axis=0), gates[:, :2].min(axis=0)) - 2.0
     span = np.maximum(points.max(axis=0) + 2.0 - low, 1e-6)
@@ -172,7 +184,7 @@ def ansi(setup: Setup, frame: Frame) -> str:
         column, row = ((place[:2] - low) / span * (COLUMNS - 1, ROWS - 1)).round().astype(int)
         grid[ROWS - 1 - row][column] = sign
 
-    for solid in outlines(setup.track.obstacles):
+    for solid in outlines(setup.env.track.obstacles):
         for place in (np.array(solid.centre_w), *footprint(solid)):
             if (np.abs(place[:2] - low - span / 2) <= span / 2).all():
                 put(place, "#")
@@ -180,5 +192,5 @@ def ansi(setup: Setup, frame: Frame) -> str:
         put(gate, chr(ord("A") + number % 26))
     for drone in range(len(frame.position_w)):
         put(frame.position_w[drone], str((drone + 1) % 10))
-    title = f"{setup.track.name}, {frame.time:.1f} s"
+    title = f"{setup.env.track.name}, {frame.time:.1f} s"
     return "\n".join([title, *("".join(row).rstrip() for row in grid), *status(setup, frame)]) + "\n"

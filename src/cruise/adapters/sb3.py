@@ -8,24 +8,37 @@ from gymnasium.vector import AutoresetMode
 from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices
 
+from cruise.adapters.gymnasium_env import start_of
 from cruise.adapters.gymnasium_vector import VectorRaceEnv
+from cruise.errors import CruiseError
 
 
 class StableBaselinesEnv(VecEnv):
     """`PPO("MlpPolicy", StableBaselinesEnv(1024, track="ring", drones=2))`."""
 
     def __init__(self, num_envs: int, **options: Any) -> None:
-        """As `VectorRaceEnv`, with races that begin anew in the step in which they end."""
+        """As `VectorRaceEnv`, with races that begin anew in the step in which they end; this is what SB3 expects."""
         self.env = VectorRaceEnv(num_envs, autoreset_mode=AutoresetMode.SAME_STEP, **options)
         self._actions: np.ndarray | None = None
         super().__init__(num_envs, self.env.single_observation_space, self.env.single_action_space)
 
     def reset(self) -> np.ndarray:
-        """Observations [E, O] of new races."""
+        """Observations [E, O] of new races, with the seeds and the options that were set for them."""
         seeds = None if all(seed is None for seed in self._seeds) else self._seeds
-        observations, _ = self.env.reset(seed=seeds)
+        observations, _ = self.env.reset(seed=seeds, options=self._start())
         self._reset_seeds()
+        self._reset_options()
         return observations
+
+    def _start(self) -> dict[str, Any] | None:
+        """One start for all races from the options of each."""
+        starts = [start_of(options) for options in self._options]
+        if all(start is None for start in starts):
+            return None
+        if any(start is None for start in starts):
+            raise CruiseError("set_options: a start must be given for every race, or for none")
+        places, gates = ([getattr(start, name) for start in starts] for name in ("position_w", "gate"))
+        return {"start": {"position_w": np.stack(places), "gate": np.array(gates)}}
 
     def step_async(self, actions: np.ndarray) -> None:
         """Take notice of the actions [E, A]."""
@@ -46,13 +59,18 @@ class StableBaselinesEnv(VecEnv):
             }
         return observations, rewards, ended, told
 
+    def get_images(self) -> Sequence[np.ndarray | None]:
+        """A picture of every race, for `VecVideoRecorder`; it needs `render_mode="rgb_array"`."""
+        return self.env.render() or [None] * self.num_envs
+
     def close(self) -> None:
         """Close the races."""
         self.env.close()
 
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
-        """The same for every race."""
-        return [getattr(self.env, attr_name)] * len(self._chosen(indices))
+        """The same for every race: of the environment, or one of its options."""
+        value = getattr(self.env, attr_name) if hasattr(self.env, attr_name) else getattr(self.env.options, attr_name)
+        return [value] * len(self._chosen(indices))
 
     def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
         """For all races at once."""

@@ -1,13 +1,8 @@
 """How the commands start JAX: wide vectors, compiled programs kept between runs, every core a device of its own."""
 
-import contextlib
-import os
-from pathlib import Path
-
+from cruise.compilation_cache import use_compilation_cache
 from cruise.errors import CruiseError, one_line
 from cruise.processor import use_wide_vectors
-
-LEAST_SECONDS = 0.1  # what compiles faster is compiled anew
 
 
 def prepare_training(cores: int | None = None) -> None:
@@ -46,17 +41,3 @@ def start_jax() -> None:
         wanted = jax.config.values["jax_platforms"]
         reason = one_line(error) or "there is no such device, or JAX was installed without it"
         raise CruiseError(f"JAX cannot use JAX_PLATFORMS={wanted}: {reason}; unset it, or choose cpu") from None
-
-
-def use_compilation_cache() -> None:
-    """Keep what JAX compiles in the user's cache folder, unless JAX was told of another or this cannot be written."""
-    import jax  # noqa: PLC0415  (slow to import; `cruise --help` must not wait for it)
-
-    if jax.config.values["jax_compilation_cache_dir"] is not None:
-        return
-    with contextlib.suppress(OSError, RuntimeError):  # RuntimeError: there is no home folder
-        folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "cruise" / "jax"
-        folder.mkdir(parents=True, exist_ok=True)
-        if os.access(folder, os.W_OK):
-            jax.config.update("jax_compilation_cache_dir", str(folder))
-            jax.config.update("jax_persistent_cache_min_compile_time_secs", LEAST_SECONDS)

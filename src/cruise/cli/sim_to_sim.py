@@ -12,6 +12,7 @@ from cruise.cli.evaluate import counted, number
 from cruise.cli.line_up import LineUp
 from cruise.config import OUR_SIMULATOR
 from cruise.errors import CruiseError
+from cruise.extras import how_to_install
 
 if TYPE_CHECKING:
     from cruise.evaluation.sim_to_sim import Flown
@@ -53,7 +54,7 @@ def simulator_table(found: "list[Flown]") -> Table:
     table = Table("simulator", *numbers, "what differs", title=title)
     for one in found:
         if one.evaluation is None:
-            table.add_row(one.simulator, "-", "-", "-", f"not installed: pip install 'cruise-racing[{one.simulator}]'")
+            table.add_row(one.simulator, "-", "-", "-", f"not installed: {how_to_install(one.simulator)}")
             continue
         success, lap = one.evaluation.success_rate, one.evaluation.flying_lap_time.mean
         change = 100 * (lap / ours.flying_lap_time.mean - 1)

@@ -7,6 +7,7 @@ import sys
 from cruise.config import Vehicle
 from cruise.dynamics import Dynamics
 from cruise.errors import CruiseError
+from cruise.extras import how_to_install
 
 # By name: what is not as in our own simulator, for the same vehicle.
 SIMULATORS = {
@@ -25,7 +26,7 @@ def make_simulated(name: str, vehicle: Vehicle) -> Dynamics:
     if name not in SIMULATORS:
         raise CruiseError(f"unknown simulator {name!r}: there are {', '.join(SIMULATORS)}")
     if not is_installed(name):
-        raise CruiseError(f"the simulator {name} is not installed: pip install 'cruise-racing[{name}]'")
+        raise CruiseError(f"the simulator {name} is not installed: {how_to_install(name)}")
     from cruise.interop.external import called_back, make_external  # noqa: PLC0415
 
     if name == "mujoco":

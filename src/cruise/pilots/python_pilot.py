@@ -152,7 +152,7 @@ class PythonPilot:
 
 def _too_slow(budget: float, took: float | None = None) -> str:
     needed = "was not done within" if took is None else f"took {1e3 * took:.6g} ms, more than"
-    return f"{needed} its budget of {1e3 * budget:.6g} ms; give it more with --budget-ms, or make it faster"
+    return f"{needed} its budget of {1e3 * budget:.6g} ms; make it faster, or give it more (--budget-ms)"
 
 
 def _short(value: Any) -> str:

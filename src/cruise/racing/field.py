@@ -61,7 +61,9 @@ def over_opponents(visit: Callable[..., Any], start: Any, *values: tuple[Array, 
 
 
 def rows(values: Array, drones: tuple[int, ...], axis: int) -> Array:
-    """The entries of some drones along the drone axis; no gather where they are all drones."""
+    """The entries of some drones along the drone axis; no gather where they are next to each other."""
     if drones == tuple(range(values.shape[axis])):
         return values
+    if drones == tuple(range(drones[0], drones[0] + len(drones))):
+        return jax.lax.slice_in_dim(values, drones[0], drones[0] + len(drones), axis=axis)
     return values.take(jnp.array(drones), axis=axis)
