@@ -179,11 +179,7 @@ def shipped_name(track: str, drones: int, vehicle: str | Vehicle = USUAL_VEHICLE
         known = ", ".join(list_policies()) or "none"
         raise CruiseError(
             f"no policy is shipped for {_asked(track, drones, vehicle)}; shipped: {known}; "
-<<<<<<< HEAD
-            f"give others with --policy or --pilot, or train one: {_training(track, drones, vehicle)}"
-=======
-            "name another, or another pilot"
->>>>>>> b33e3e7 (Doors: cruise.make, the race as pure functions; environments start JAX at the first reset, are pickled and copied; cruise.gym registers; races begin anew in the next step; flat information; fields as rows)
+            f"name another, or another pilot, or train one: {_training(track, drones, vehicle)}"
         )
     return name
 
