@@ -188,7 +188,7 @@ def test_opponents_in_python():
     CountsItsObjects.made = 0
     env = VectorRaceEnv(RACES, track="ring", opponents=[CountsItsObjects], episode_steps=5)
     env.reset(seed=0)
-    for _ in range(12):
+    for _ in range(13):
         env.step(np.zeros((RACES, 3), np.float32))
     assert CountsItsObjects.made == RACES * 3  # one for every race, three episodes
 
