@@ -1,5 +1,6 @@
 # make race     the shipped policies race: result table, race.png, and race.html to watch it in a browser
 # make test     every test
+# make firmware builds Betaflight, so that it can fly in the loop: gcc, make, a minute, 236 MB
 # make sb3      installs Stable-Baselines3 with PyTorch, trains its PPO on the ring and measures it
 # make policies trains the shipped policies anew, about an hour on 2 cores
 # make check    formatting, lint, types, import layers
@@ -19,7 +20,7 @@ INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --co
 WORKERS ?= 2
 
 .DEFAULT_GOAL := help
-.PHONY: help race test check sb3 viewer check-viewer peers speed policies pictures docs clean
+.PHONY: help race test check firmware sb3 viewer check-viewer peers speed policies pictures docs clean
 
 help:
 	@sed -n 's/^# \(make .*\)/\1/p' Makefile
@@ -157,6 +158,9 @@ $(VENV)/.installed: $(VENV)/.made pyproject.toml constraints.txt
 	@echo "Installing CRUISE into $(VENV): a minute or two, once."
 	@$(INSTALL) . openskill
 	@touch $@
+
+firmware: $(VENV)/.installed
+	@$(INSTALL) '.[betaflight]'
 
 $(VENV)/.installed-sb3: $(VENV)/.installed
 	@echo "Installing Stable-Baselines3 and PyTorch into $(VENV): some minutes, once."

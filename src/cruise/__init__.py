@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from cruise.adapters.functional_agents import make
     from cruise.api import evaluate, load_policy, load_track, race, replay
     from cruise.api_training import train
-    from cruise.config import Vehicle
+    from cruise.config import Firmware, InSimulator, Vehicle
     from cruise.env.observation import find_observation
     from cruise.errors import CruiseError
     from cruise.pilots.terms_file import load_terms
@@ -20,6 +20,8 @@ __version__ = "0.1.0"
 
 __all__ = [
     "CruiseError",
+    "Firmware",
+    "InSimulator",
     "Observation",
     "RewardTerm",
     "Setting",
@@ -43,6 +45,8 @@ __all__ = [
 
 _HOMES = {
     "CruiseError": "cruise.errors",
+    "Firmware": "cruise.config",
+    "InSimulator": "cruise.config",
     "Observation": "cruise.terms",
     "RewardTerm": "cruise.terms",
     "Setting": "cruise.terms",

@@ -4,7 +4,7 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
-from cruise.config import Track
+from cruise.config import InSimulator, Track
 from cruise.errors import CruiseError
 from cruise.evaluation import matches
 from cruise.evaluation.pilot_choice import PilotChoice
@@ -28,7 +28,7 @@ def race(
     pilots: PilotChoice | Sequence[PilotChoice] | None = None,
     laps: int | None = None,
     seed: int = 0,
-    vehicle: VehicleChoice | None = None,
+    vehicle: VehicleChoice | InSimulator | None = None,
     randomise: float = 0.0,
 ) -> RaceLog:
     """Fly one race from a random standing start and give its log.
@@ -43,6 +43,7 @@ def race(
         seed: the same seed gives the same race.
         vehicle: what all fly: a vehicle, the name of a built-in one, or the path of a TOML file. By default what the
             pilots were made for, or `paper`; they also fly another vehicle whose actions mean the same, if you ask so.
+            `InSimulator("racer", "betaflight")` has it moved by another simulator, here by real firmware.
         randomise: how far the race differs from what vehicle and track say, as a share of `presets.RANDOMISATION`.
 
     Returns:
@@ -62,7 +63,7 @@ def evaluate(
     pilots: PilotChoice | Sequence[PilotChoice] | None = None,
     episodes: int = 100,
     seed: int = 0,
-    vehicle: VehicleChoice | None = None,
+    vehicle: VehicleChoice | InSimulator | None = None,
     randomise: float = 0.0,
 ) -> Evaluation:
     """Measure pilots over many races, each from a fresh random start.

@@ -1,6 +1,7 @@
 """What a race and a training run are made of, as plain frozen data. Knows nothing of JAX."""
 
 from dataclasses import asdict, dataclass, field, fields
+from os import PathLike
 from typing import Literal
 
 from cruise import actions
@@ -13,6 +14,7 @@ OWN_CONTROLS: dict[FlownBy, tuple[Control, ...]] = {"cascade": ("acceleration",)
 ObservationKind = str  # name of an observation: one of `cruise.env.observation`, or one that its user declared
 GateShape = Literal["rectangle", "round"]
 NetworkKind = Literal["mlp", "gru"]
+FirmwareSettings = Literal["matched", "stock"]
 SelfPlayMode = Literal["within", "after", "off"]
 OUR_SIMULATOR = "cruise"  # what moves the drones where no other is named
 
@@ -365,6 +367,24 @@ AROUND_THE_VEHICLE = frozenset(
     {"gate_shift", "gate_turn", "position_error", "velocity_error", "attitude_error", "rate_error"}
 )
 OF_BODY_AND_AIR = frozenset(field.name for field in fields(Randomisation)) - AROUND_THE_VEHICLE
+
+
+@dataclass(frozen=True)
+class Firmware:
+    """How a flight controller in the loop is set; `docs/firmware.md` says what each does."""
+
+    settings: FirmwareSettings = "matched"  # gains computed from the vehicle, or those the firmware comes with
+    cli: tuple[str, ...] = ()  # lines of a real drone's `diff all`, in place of both
+    gyro_noise: float = 0.0  # standard deviation of every look at the gyro [rad/s]
+
+
+@dataclass(frozen=True)
+class InSimulator:
+    """A vehicle that another simulator moves: what `vehicle` of a race or an evaluation in Python may be."""
+
+    vehicle: str | PathLike[str] | Vehicle | None = None  # None: what the pilots were made for
+    simulator: str = OUR_SIMULATOR  # one of `cruise.interop.simulators.SIMULATORS`
+    firmware: Firmware = field(default_factory=Firmware)  # of the simulator betaflight
 
 
 @dataclass(frozen=True)

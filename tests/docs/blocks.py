@@ -36,12 +36,11 @@ MINIATURE = {
 AS_IT_IS = ({"reproduce", "--report-only"}, {"limit", "paper"})  # take seconds, and no flag makes them shorter
 WATCHED = "--watch"  # serves until somebody stops it: tests/viewer/test_live.py does
 WITH_OTHERS = "--coordinator"  # waits for the other processes: tests/training/test_processes.py has them
-SWEEP = "sweep"  # starts Ray: tests/experiments/test_sweep.py does
-FLY = "fly"  # serves until somebody stops it: tests/human does
 # Commands that compile for seconds. One line of each kind runs; lines that differ from it by these values alone are
 # parsed, and what they name is looked up.
 COSTLY = ("evaluate", "train")
 VALUES = {"--vehicle", "--track", "--drones", "--episodes", "--seed", "--step-scale"}
+ELSEWHERE = {"sweep", "fly", "betaflight", "companion"}  # want Ray, a person, firmware or a drone; tested elsewhere
 
 
 class Block(NamedTuple):
@@ -120,7 +119,7 @@ def _cruise(block: Block, arguments: list[str]) -> None:
     if command in COSTLY and (block.page, arguments) != _first_of_kinds()[_kind(arguments)]:
         _look_up(parse(short))
         return
-    if WATCHED in short or WITH_OTHERS in short or command in (SWEEP, FLY):
+    if WATCHED in short or WITH_OTHERS in short or ELSEWHERE & set(short):
         short = [command, "--help"]
     elif not any(flags <= set(short) for flags in AS_IT_IS):
         short += shlex.split(MINIATURE.get(command, ""))

@@ -19,7 +19,7 @@ from cruise.interop.simulators import SIMULATORS, make_simulated
 from cruise.presets import VEHICLES
 
 RACER, CRAZYFLIE = VEHICLES["racer"], VEHICLES["crazyflie"]
-THERE = [name for name in SIMULATORS if importlib.util.find_spec(name) is not None]
+THERE = [name for name in SIMULATORS if name != "betaflight" and importlib.util.find_spec(name) is not None]
 if os.environ.get("SCIPY_ARRAY_API") != "1":  # without it Crazyflow cannot be imported: see docs/sim-to-sim.md
     THERE = [name for name in THERE if name != "crazyflow"]
 DRONES = 3
@@ -152,7 +152,9 @@ def test_the_flight_controller_is_that_of_the_vehicle_within_the_limits() -> Non
 
 
 def test_what_cannot_be_is_one_line(monkeypatch) -> None:
-    with pytest.raises(CruiseError, match="unknown simulator 'gazebo': there are mujoco, rotorpy, crazyflow"):
+    with pytest.raises(
+        CruiseError, match="unknown simulator 'gazebo': there are mujoco, rotorpy, crazyflow, betaflight"
+    ):
         make_simulated("gazebo", RACER)
     with pytest.raises(CruiseError, match="fly vehicles by thrust and body rates, and 'paper' is not flown so"):
         make_simulated("mujoco", VEHICLES["paper"])

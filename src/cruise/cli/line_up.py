@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from cruise.config import OUR_SIMULATOR, Track
+from cruise.config import OUR_SIMULATOR, Firmware, FirmwareSettings, Track
 from cruise.errors import CruiseError
 from cruise.presets import TRACKS
 from cruise.racing.track_file import RANDOM, load_track
@@ -47,7 +47,12 @@ class LineUp:
     randomise: Annotated[float, described("SHARE")] = 0.0
     """Strength of the domain randomisation: 0 is off, 1 is all that a real drone may differ by, 2 the most."""
     simulator: Annotated[str, described("NAME")] = OUR_SIMULATOR
-    """What moves the drones: cruise, or one of mujoco, rotorpy and crazyflow, each an extra of that name."""
+    """What moves the drones: cruise, or one of mujoco, rotorpy, crazyflow and betaflight, each an extra of that name;
+    betaflight is the firmware of racing drones."""
+    betaflight_settings: FirmwareSettings = "matched"
+    """Gains of the firmware: computed from the vehicle, or those it comes with."""
+    betaflight_cli: Annotated[Path | None, described("FILE")] = None
+    """Output of `diff all` of a real drone: the firmware is set as that is."""
     budget_ms: float = 10_000.0
     """Time for each action of a pilot in Python; one that takes longer ends the race with an error [ms]."""
 
@@ -64,7 +69,15 @@ class LineUp:
         track = load_track(self.track) if self.track is not None else usual_track(*metas[:1])
         drones = self.drones if self.drones is not None else _usual_drones(metas, choices)
         match = make_match(track, drones, choices or None, laps, self.budget_ms / 1e3, self.vehicle, self.randomise)
-        return replace(match, simulator=self.simulator)
+        return replace(match, simulator=self.simulator, firmware=self.firmware())
+
+    def firmware(self) -> Firmware:
+        """How the firmware is set. Raises CruiseError where its file is no output of `diff all`."""
+        if self.betaflight_cli is None:
+            return Firmware(self.betaflight_settings)
+        from cruise.interop.betaflight.settings import read_cli  # noqa: PLC0415  (imports JAX)
+
+        return Firmware("stock", read_cli(self.betaflight_cli))
 
 
 def _metas(choices: list[str]) -> "list[PolicyMeta]":

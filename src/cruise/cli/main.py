@@ -71,6 +71,12 @@ COMMANDS = {
     "new-pilot": Entry("cruise.cli.new_pilot", "NewPilot", "Write a pilot in Python to start from."),
     "export": Entry("cruise.cli.export", "Export", "Write a policy as an ONNX model or a C header."),
     "vehicles": Entry("cruise.cli.vehicles", "Vehicles", "List, show, check and write vehicles."),
+    "companion": Entry(
+        "cruise.cli.companion", "CompanionProgram", "Fly a real drone by a policy from the computer aboard."
+    ),
+    "betaflight": Entry(
+        "cruise.cli.betaflight", "Betaflight", "Say what the firmware of a drone must be set to, or check what it is."
+    ),
     "observations": Entry(
         "cruise.cli.observations", "Observations", "List what policies may observe by, number by number."
     ),

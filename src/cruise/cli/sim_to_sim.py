@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class SimToSim:
-    """Fly the same races in our simulator, MuJoCo, RotorPy and Crazyflow."""
+    """Fly the same races in our simulator, MuJoCo, RotorPy, Crazyflow and Betaflight."""
 
     line_up: LineUp = field(default_factory=LineUp)
     episodes: int = 100

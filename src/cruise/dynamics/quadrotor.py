@@ -1,5 +1,6 @@
 """A quadrotor with rotors, flown by collective thrust and body rates or attitude: loops, mixer, drag, battery, body."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
@@ -31,9 +32,31 @@ class Memory(NamedTuple):
     wrench: Float[Array, "4 *B"]  # of the rotors: collective thrust [N], torque about x, y, z [N m]
     commands: Float[Array, "H 4 *B"]  # actions of the steps before, newest first, in [-1, 1]
     charge: Float[Array, "*B"] | None  # of the battery, in [0, 1]; None without one
+    controller: Any = ()  # what the flight controller remembers: arrays [... *B]
 
 
-def make_quadrotor(vehicle: Vehicle) -> Dynamics:
+class FlightController(NamedTuple):
+    """Rate loop and mixer: what makes of a setpoint a wrench that the rotors can give.
+
+    `demand(flight, body, wrench, asked, memory)` gives the wrench for the next sub-step, and its memory after that;
+    `init(zero)` is its memory at the start, `zero` being an array [*B] of zeros.
+    """
+
+    demand: Callable[["Flight", FreeBody, Demand, Setpoint, Any], tuple[Demand, Any]]
+    init: Callable[[Array], Any]
+
+
+def own_law(flight: "Flight", body: FreeBody, wrench: Demand, asked: Setpoint, memory: Any) -> tuple[Demand, Any]:
+    """The vehicle's own rate loop, cut to what its rotors can give. It remembers nothing."""
+    demand = rate_loop(flight.vehicle, flight.physics.rate_lag, asked, body.angular_velocity_b)
+    cut = saturate(_airframe(flight.vehicle).rotors, demand, flight.physics.clip_share)
+    return jax.tree.map(stored, cut), memory
+
+
+OWN_LAW = FlightController(own_law, lambda zero: ())
+
+
+def make_quadrotor(vehicle: Vehicle, controller: FlightController = OWN_LAW) -> Dynamics:
     """The vehicle as pure functions; `docs/vehicles.md` has its equations.
 
     It is told thrust and attitude where `vehicle.control` says so, thrust and body rates otherwise.
@@ -43,8 +66,8 @@ def make_quadrotor(vehicle: Vehicle) -> Dynamics:
     return Dynamics(
         told.action,
         vehicle.control_dt,
-        init=partial(standing, vehicle),
-        step=partial(step, vehicle),
+        init=partial(standing, vehicle, controller=controller),
+        step=partial(step, vehicle, controller=controller),
         euler=lambda state: quaternion.to_euler(_attitude(state)),
         proprioception=proprioception(airframe),
         rotation=rotation,
@@ -54,7 +77,13 @@ def make_quadrotor(vehicle: Vehicle) -> Dynamics:
     )
 
 
-def standing(vehicle: Vehicle, position_w: Array, heading: Array, parameters: Parameters = AS_BUILT) -> DroneState:
+def standing(
+    vehicle: Vehicle,
+    position_w: Array,
+    heading: Array,
+    parameters: Parameters = AS_BUILT,
+    controller: FlightController = OWN_LAW,
+) -> DroneState:
     """A drone that hovers at a place, level, facing `heading` [rad], its battery full."""
     airframe = _airframe(vehicle)
     zero, one = jnp.zeros_like(position_w), jnp.ones_like(position_w[:1])
@@ -63,7 +92,8 @@ def standing(vehicle: Vehicle, position_w: Array, heading: Array, parameters: Pa
     hovering = jnp.stack([zero[0] + share for share in hovering_action(vehicle, heading)])
     kept = commands_to_keep(max(airframe.delay, airframe.longest_delay), vehicle.control_dt)
     commands = jnp.broadcast_to(hovering, (kept, *hovering.shape))
-    return DroneState(body, Memory(wrench, commands, one[0] if airframe.battery else None), parameters)
+    charge = one[0] if airframe.battery else None
+    return DroneState(body, Memory(wrench, commands, charge, controller.init(zero[0])), parameters)
 
 
 def hovering_action(vehicle: Vehicle, heading: Array | float = 0.0) -> tuple[Array | float, ...]:
@@ -80,6 +110,7 @@ def step(
     action: Float[Array, "4 *B"],
     agility: Array | float,
     air_w: Array | None = None,
+    controller: FlightController = OWN_LAW,
 ) -> DroneState:
     """One control step: `substeps` times the rate loop looks, the rotors follow and the body moves.
 
@@ -94,15 +125,21 @@ def step(
     lag = lag_over(dt, physics.rotor_lag)
     flight = Flight(vehicle, physics, physics.thrust_gain * share, _air(physics, air_w))
 
-    def substep(i: Any, carry: tuple[FreeBody, Demand]) -> tuple[FreeBody, Demand]:
-        return flight.advance(*carry, _in_effect(asked, physics.delay, i * dt, vehicle.control_dt, dt), lag, dt)
+    def substep(i: Any, carry: tuple[FreeBody, Demand, Any]) -> tuple[FreeBody, Demand, Any]:
+        body, wrench, memory = carry
+        setpoint = _in_effect(asked, physics.delay, i * dt, vehicle.control_dt, dt)
+        if isinstance(setpoint, AttitudeSetpoint):
+            setpoint = attitude.attitude_loop(vehicle, setpoint, body.attitude)
+        demand, memory = controller.demand(flight, body, wrench, setpoint, memory)
+        return *flight.advance(body, wrench, demand, lag, dt), memory
 
     thrust, *torque = memory.wrench
-    start = (FreeBody(*(tuple(vector) for vector in state.body)), Demand(thrust, tuple(torque)))
-    end, wrench = jax.lax.fori_loop(0, vehicle.substeps, substep, start)
+    start = (FreeBody(*(tuple(vector) for vector in state.body)), Demand(thrust, tuple(torque)), memory.controller)
+    end, wrench, remembered = jax.lax.fori_loop(0, vehicle.substeps, substep, start)
     body = _above_ground(FreeBody(*(jnp.stack(list(vector)) for vector in end)))
     commands = jnp.concatenate([action[None], memory.commands[:-1]])
-    return DroneState(body, Memory(jnp.stack([wrench.thrust, *wrench.torque]), commands, charge), state.parameters)
+    together = jnp.stack([wrench.thrust, *wrench.torque])
+    return DroneState(body, Memory(together, commands, charge, remembered), state.parameters)
 
 
 def setpoint(airframe: Airframe, action: Float[Array, "4 *B"], agility: Array | float) -> Setpoint:
@@ -145,14 +182,8 @@ class Flight(NamedTuple):
     gain: Any  # of the rotors
     air_w: Any  # [m/s], component by component, or None
 
-    def advance(
-        self, body: FreeBody, wrench: Demand, asked: Setpoint | AttitudeSetpoint, lag: Lag, dt: float
-    ) -> tuple[FreeBody, Demand]:
-        """Body and wrench of the rotors after one sub-step of `dt` [s]."""
-        if isinstance(asked, AttitudeSetpoint):
-            asked = attitude.attitude_loop(self.vehicle, asked, body.attitude)
-        demand = rate_loop(self.vehicle, self.physics.rate_lag, asked, body.angular_velocity_b)
-        demand = jax.tree.map(stored, saturate(_airframe(self.vehicle).rotors, demand, self.physics.clip_share))
+    def advance(self, body: FreeBody, wrench: Demand, demand: Demand, lag: Lag, dt: float) -> tuple[FreeBody, Demand]:
+        """Body and wrench of the rotors after one sub-step of `dt` [s] in which a demand is held."""
         mean, wrench = follow(lag, wrench, demand)
         derivative = make_free_derivative(self.physics, self.vehicle.gravity, self.air_w)
         integrate = make_integrator(self.vehicle.integrator, derivative, dt, substeps=1)

@@ -9,7 +9,7 @@ from typing import Any
 
 import jax
 
-from cruise.config import OUR_SIMULATOR, Randomisation, Track, Vehicle
+from cruise.config import OUR_SIMULATOR, Firmware, InSimulator, Randomisation, Track, Vehicle
 from cruise.env.observation import OBSERVATIONS
 from cruise.env.race_env import RaceEnv, make_race_env
 from cruise.env.randomise import made_for, perturbation
@@ -17,7 +17,7 @@ from cruise.errors import CruiseError
 from cruise.evaluation.metrics import race_result
 from cruise.evaluation.pilot_choice import PilotChoice, find_pilot, identity
 from cruise.evaluation.summary import Evaluation, summarise
-from cruise.interop.simulators import make_simulated
+from cruise.interop.simulators import make_simulated, simulation
 from cruise.pilots.base import Pilot, Versatile
 from cruise.pilots.foreign import DEFAULT_BUDGET
 from cruise.presets import MAX_RANDOMISE, full_randomisation
@@ -35,6 +35,7 @@ SLOWEST = 1.25  # longer races get the time that this mean speed needs [m/s]
 MAX_DRONES = 64
 MAX_LAPS = 100
 NOTHING_RANDOM = Randomisation()
+AS_MATCHED = Firmware()
 DRONES_IN_BATCH = 1024  # flown at once at ten steps a second; bounds memory, not the number of races
 STREAM = 0x5EED  # keeps the starts of races apart from every start seen in training, whatever the seeds
 
@@ -49,6 +50,7 @@ class Match:
     randomisation: Randomisation = NOTHING_RANDOM
     simulator: str = OUR_SIMULATOR
     asked_for: Vehicle | None = None  # what all of them fly; None: what the pilots were made for
+    firmware: Firmware = AS_MATCHED  # of the simulator betaflight
 
     @property
     def vehicle(self) -> Vehicle:
@@ -64,7 +66,7 @@ class Match:
     @property
     def env(self) -> RaceEnv:
         """Where it is flown."""
-        return race_env(self.track, len(self.team), self.vehicle, self.randomisation, self.simulator)
+        return race_env(self.track, len(self.team), self.vehicle, self.randomisation, self.simulator, self.firmware)
 
 
 def make_match(
@@ -73,7 +75,7 @@ def make_match(
     pilots: PilotChoice | Sequence[PilotChoice] | None = None,
     laps: int | None = None,
     budget: float = DEFAULT_BUDGET,
-    vehicle: VehicleChoice | None = None,
+    vehicle: VehicleChoice | InSimulator | None = None,
     randomise: float = 0.0,
 ) -> Match:
     """Put a match together.
@@ -87,12 +89,16 @@ def make_match(
         budget: time for each action of a pilot in plain Python [s].
         vehicle: what all of them fly: itself, a preset's name or the path of a TOML file. By default what the pilots
             were made for; pilots of one vehicle fly another whose actions mean the same (`fly_alike`), if asked to.
+            `InSimulator` says what moves it, too.
         randomise: how much of the vehicle's full randomisation (`presets.RANDOMISATION`) races differ by; 0: none.
 
     Raises:
         CruiseError: a number out of range, more pilots than drones, no such pilot or vehicle, or pilots of different
             vehicles.
     """
+    if isinstance(vehicle, InSimulator):
+        match = make_match(track, drones, pilots, laps, budget, vehicle.vehicle, randomise)
+        return replace(match, simulator=vehicle.simulator, firmware=vehicle.firmware)
     laps = track.laps if laps is None else laps
     _in_range("drones", drones, 1, MAX_DRONES)
     _in_range("laps", laps, 1, MAX_LAPS)
@@ -153,7 +159,8 @@ def fly_batch(match: Match, env: RaceEnv, key: jax.Array, batch: int) -> list[Ra
     """The logs of so many races at once in `env`."""
     vehicle, team = match.vehicle, match.team
     rules = team_rules(team, vehicle.collision_distance, match.laps * len(match.track.gates) + 1, (batch,))
-    flight = fly(env, team, rules, key, round(match.time_limit / vehicle.control_dt), (batch,))
+    with simulation(match.simulator):
+        flight = fly(env, team, rules, key, round(match.time_limit / vehicle.control_dt), (batch,))
     names = tuple(pilot.name for pilot in team)
     distance, aspect = vehicle.collision_distance, vehicle.collision_aspect
     return race_logs(flight, RaceInfo(match.track, match.laps, vehicle.name, distance, names, aspect))
@@ -165,21 +172,22 @@ def race_env(
     vehicle: Vehicle,
     randomisation: Randomisation = NOTHING_RANDOM,
     simulator: str = OUR_SIMULATOR,
+    firmware: Firmware = AS_MATCHED,
 ) -> RaceEnv:
     """The environment of a race; the same one for the same arguments, so that nothing is compiled twice.
 
     Raises:
         CruiseError: the vehicle cannot be randomised so, or not be flown in that simulator.
     """
-    return _race_env(track, drones, vehicle, randomisation, simulator, tuple(OBSERVATIONS.values()))
+    return _race_env(track, drones, vehicle, randomisation, simulator, firmware, tuple(OBSERVATIONS.values()))
 
 
 @functools.lru_cache(maxsize=8)
 def _race_env(*choices: Any) -> RaceEnv:
     """Another one for other known observations too: those that a user added since are among what it can observe."""
-    track, drones, vehicle, randomisation, simulator, _ = choices
+    track, drones, vehicle, randomisation, simulator, firmware, _ = choices
     flown = made_for(vehicle, randomisation)
-    dynamics = None if simulator == OUR_SIMULATOR else make_simulated(simulator, flown)
+    dynamics = None if simulator == OUR_SIMULATOR else make_simulated(simulator, flown, firmware)
     return make_race_env(track, drones, flown, perturb=perturbation(track, flown, randomisation), dynamics=dynamics)
 
 
@@ -199,7 +207,7 @@ def evaluate(
     pilots: PilotChoice | Sequence[PilotChoice] | None = None,
     episodes: int = 100,
     seed: int = 0,
-    vehicle: VehicleChoice | None = None,
+    vehicle: VehicleChoice | InSimulator | None = None,
     randomise: float = 0.0,
 ) -> Evaluation:
     """Measure pilots over races of the track's laps from standing, with true openings and final collisions.
