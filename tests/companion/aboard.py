@@ -55,13 +55,13 @@ class RealController:
 
     def __init__(self) -> None:
         self.process = Process.start(configured((*lines_for(RACER, Firmware()), *OVERRIDE)).folder, uart=True)
-        for _ in range(2000):
-            self.process.run(DT)
+        for _ in range(200):
+            self.process.run(10 * DT)
         self.line = socket.create_connection(("127.0.0.1", self.process.port))
         self.line.setblocking(False)
 
-    def run(self, rates, channels) -> np.ndarray:
-        self.process.run(DT, channels, rates)
+    def run(self, rates, channels, dt) -> np.ndarray:
+        self.process.run(dt, channels, rates)
         return self.process.motors[IN_OUR_ORDER]
 
     def hear(self, data: bytes) -> None:
@@ -85,7 +85,7 @@ class FakeController:
         self.pending, self.answers, self.msp = b"", b"", [1500] * 16
         self.armed = self.was_off = self.engaged = False
 
-    def run(self, rates, channels) -> np.ndarray:
+    def run(self, rates, channels, dt) -> np.ndarray:
         self.engaged = channels[5] > 1700
         sticks = [*self.msp[:5]] if self.engaged else list(channels[:5])
         self.was_off |= sticks[4] < 1700
@@ -160,17 +160,18 @@ class Aboard:
 
     def run(self, seconds: float, moving: bool = True) -> None:
         """So long; a drone that is not `moving` is held where it is."""
-        for _ in range(round(seconds / DT)):
+        dt = DT if moving else 5 * DT
+        for _ in range(round(seconds / dt)):
             if round(self.t / DT) % 20 == 0:
                 self._control_step()
             self._bridge()
             rates = np.asarray(self.state.body.angular_velocity_b, float) if moving else np.zeros(3)
-            self.motors = np.asarray(self.controller.run(rates, tuple(self.human)))
+            self.motors = np.asarray(self.controller.run(rates, tuple(self.human), dt))
             if moving:
                 self.state = STEP(self.state, jnp.asarray(self.motors, jnp.float32))
             if self.stopped is None and self.companion.samples and self.motors.max() <= 0.001:
                 self.stopped = self.t
-            self.t += DT
+            self.t += dt
 
     def _control_step(self) -> None:
         for told in self.distort(self.odometry(), self.t):

@@ -120,7 +120,7 @@ class Companion:
             fault = f"the policy took {1000 * (late - now):.0f} ms"
         elif late - state.time > self.limits.oldest:
             fault = f"the odometry is {1000 * (late - state.time):.0f} ms old"
-        if fault:
+        if fault or self.ended:  # by a watchdog meanwhile
             self._end(fault)
             return
         self.link.command(asked, float(state.angular_velocity_b[2]), armed=True)
@@ -129,6 +129,6 @@ class Companion:
             self.samples.append(Sample(now, state, action, self.policy.next_gate))
 
     def _end(self, reason: str, disarm: bool = True) -> None:
-        self.ended, self.flying = reason, False
+        self.ended, self.flying = self.ended or reason, False
         if disarm:
             self.link.disarm()

@@ -69,8 +69,8 @@ class CommandLine:
     def __init__(self, process: Process) -> None:
         """Wait until it listens, and enter."""
         self._process = process
-        for _ in range(round(BOOT / 1e-3)):
-            process.run()
+        for _ in range(round(BOOT / 1e-2)):
+            process.run(1e-2)
         self._link = socket.create_connection(("127.0.0.1", process.port))
         self._link.setblocking(False)
         self._ask(b"#")

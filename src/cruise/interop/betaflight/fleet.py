@@ -14,6 +14,7 @@ from cruise.interop.betaflight.configure import Configured
 from cruise.interop.betaflight.process import Process, motors_of, requests, talk
 
 DT = 1e-3  # between two looks at the gyro [s]
+BEFORE = 1e-2  # likewise while nothing moves yet [s]
 RECEIVER, BOOT, ARMING, HOVER = 1.0, 2.0, 0.3, 1.0  # of the firmware's life before a flight [s]
 ARMED, DISARMED = 2000, 1000
 LOW = (1500, 1500, 988, 1500)
@@ -125,11 +126,11 @@ def _hovering(configured: Configured, hover: tuple[int, int, int, int]) -> Proce
         CruiseError: it does not arm.
     """
     process = Process.start(configured.folder)
-    for _ in range(round(RECEIVER / DT)):
-        process.run(DT)  # sticks that come before its receiver is up are lost for good
+    for _ in range(round(RECEIVER / BEFORE)):
+        process.run(BEFORE)  # sticks that come before its receiver is up are lost for good
     for four, switch, seconds in ((LOW, DISARMED, BOOT), (LOW, ARMED, ARMING), (hover, ARMED, HOVER)):
-        for _ in range(round(seconds / DT)):
-            process.run(DT, (*four, switch))
+        for _ in range(round(seconds / BEFORE)):
+            process.run(BEFORE, (*four, switch))
     if max(process.motors) <= 0.01:
         process.close()
         raise CruiseError("the firmware betaflight did not arm: its settings forbid it")
