@@ -16,12 +16,15 @@ import cruise
 from cruise.config import Firmware
 from cruise.dynamics import make_dynamics
 from cruise.errors import CruiseError
+from cruise.evaluation.matches import make_match
 from cruise.interop.betaflight import configure, dynamics, firmware, process, settings
 from cruise.interop.betaflight.configure import Configured, configured
 from cruise.interop.betaflight.dynamics import make_firmware_flown
 from cruise.interop.betaflight.fleet import FLEETS, flights
-from cruise.interop.simulators import is_installed, make_simulated
-from cruise.presets import VEHICLES
+from cruise.interop.simulators import is_installed, make_simulated, simulation
+from cruise.presets import TRACKS, VEHICLES
+from cruise.rollout import fly as fly_races
+from cruise.rollout import team_rules
 
 RACER = VEHICLES["racer"]
 FAKE = Path(__file__).with_name("fake_firmware.py")
@@ -42,9 +45,13 @@ def flown(monkeypatch, tmp_path):
         fleet.close()
 
 
+def stepping(one):
+    return jax.jit(lambda state, action: one.step(state, action, RACER.agility))
+
+
 def fly(one, actions, headings=(0.0, 1.0)):
     """The drones after `actions` [K, 4, N], from hovering at 50 m."""
-    step = jax.jit(lambda state, action: one.step(state, action, RACER.agility))
+    step = stepping(one)
     state = one.init(jnp.zeros((3, len(headings))).at[2].set(50.0), jnp.array(headings))
     for action in actions:
         state = step(state, jnp.asarray(action))
@@ -88,29 +95,40 @@ def test_hovers_turns_as_ours_does_and_starts_anew(flown):
 
 
 def test_races_are_the_same_bit_for_bit_and_leave_nothing_running(flown):
+    """Two drones that race each other, in two races side by side, for two seconds and a half."""
     before = children()
-    vehicle = cruise.InSimulator("racer", "betaflight")
-    logs = [cruise.race("ring", 2, ["chaser", "hover"], laps=1, seed=4, vehicle=vehicle) for _ in range(2)]
-    for name in ("position_w", "euler", "time", "event_time"):
-        assert np.array_equal(getattr(logs[0], name), getattr(logs[1], name))
-    assert "finish" in [logs[0].event_kind_names[kind] for kind in logs[0].event_kind]
-    assert children() == before
+    match = make_match(TRACKS["ring"], 2, ["chaser", "hover"], vehicle=cruise.InSimulator("racer", "betaflight"))
+    rules = team_rules(match.team, match.vehicle.collision_distance, 16, (2,))
+    seen = []
+    for _ in range(2):
+        with simulation(match.simulator):
+            flight = fly_races(match.env, match.team, rules, jax.random.key(4), 128, (2,))
+        seen.append(flight)
+        assert children() == before
+    for name in ("position_w", "euler", "action", "airborne"):
+        assert np.array_equal(getattr(seen[0], name), getattr(seen[1], name))
+    moved = np.linalg.norm(seen[0].position_w[-1] - seen[0].position_w[0], axis=0)
+    assert (moved[0] > 3).all()  # the chaser's
+    assert (moved[1] < 0.5).all()
+    assert seen[0].airborne.all()
 
 
 def test_a_process_that_is_killed_in_flight_is_one_line(flown):
     one = make_firmware_flown(RACER, Firmware())
     before = children()
-    state = fly(one, [hovering()] * 2)
+    step = stepping(one)
+    state = step(one.init(jnp.zeros((3, 2)).at[2].set(50.0), jnp.zeros(2)), hovering())
+    jax.block_until_ready(state)
     for pid in children() - before:
         os.kill(pid, signal.SIGKILL)
     with pytest.raises(CruiseError, match="a process of the firmware betaflight has ended in flight"), flights():
-        one.step(state, hovering(), RACER.agility)
+        jax.block_until_ready(step(state, hovering()))
     assert children() == before
 
 
 def test_a_state_of_the_past_is_not_flown_again(flown):
     one = make_firmware_flown(RACER, Firmware())
-    step = jax.jit(lambda state, action: one.step(state, action, RACER.agility))
+    step = stepping(one)
     start = one.init(jnp.zeros((3, 2)).at[2].set(50.0), jnp.zeros(2))
     first = step(start, hovering())
     second = step(first, hovering())
@@ -120,7 +138,7 @@ def test_a_state_of_the_past_is_not_flown_again(flown):
     np.testing.assert_allclose(third.velocity_w, 0.0, atol=0.02)
     fly(one, [hovering()])  # begins new flights, and ends those
     with pytest.raises(CruiseError, match="has ended: begin a new one from `init`"), flights():
-        step(third, hovering())
+        jax.block_until_ready(step(third, hovering()))
 
 
 @real_only
