@@ -159,7 +159,7 @@ def test_the_firmware_is_set_once_and_says_what_it_refuses(tmp_path, monkeypatch
 def test_gains_are_those_of_the_vehicle():
     assert settings.matched_p(RACER) == (14, 16, 109)
     slower = replace(RACER, airframe=replace(RACER.airframe, rates=replace(RACER.airframe.rates, time_constant=0.08)))
-    assert settings.matched_p(slower) == (7, 8, 54)
+    assert settings.matched_p(slower) == (7, 8, 55)
     text = settings.vehicle_text(RACER)
     for line in ("set p_yaw = 109", "set roll_srate = 58", "set rates_type = ACTUAL", "feature AIRMODE"):
         assert f"\n{line}\n" in text

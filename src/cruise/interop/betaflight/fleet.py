@@ -2,6 +2,7 @@
 
 import contextlib
 import itertools
+import logging
 import weakref
 from collections.abc import Iterator
 from typing import Any
@@ -140,14 +141,18 @@ def _hovering(configured: Configured, hover: tuple[int, int, int, int]) -> Proce
 @contextlib.contextmanager
 def flights() -> Iterator[None]:
     """A time at whose end every firmware process is ended, and whose fault is told in one line."""
+    log = logging.getLogger("jax._src.callback")  # it prints what a callback raises, with its traceback
+    level = log.level
+    log.setLevel(logging.CRITICAL)
     try:
         yield
-    except jax.errors.JaxRuntimeError:
+    except (jax.errors.JaxRuntimeError, ValueError):  # as what it is raised depends on who calls back
         faults = [fleet.fault for fleet in FLEETS if fleet.fault is not None]
         if faults:
             raise faults[0] from None
         raise
     finally:
+        log.setLevel(level)
         for fleet in FLEETS:
             fleet.fault = None
             fleet.close()

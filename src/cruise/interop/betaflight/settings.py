@@ -165,9 +165,7 @@ def read_cli(path: str | os.PathLike[str]) -> tuple[str, ...]:
     lines = [line.strip() for line in text.splitlines()]
     meant = tuple(line for line in lines if MEANT.fullmatch(line))
     if not any(line.startswith("set ") for line in meant) or len(meant) > MOST_LINES:
-        raise CruiseError(
-            f"{os.fspath(path)!r} is no output of the firmware's `diff all`: no line says `set NAME = VALUE`"
-        )
+        raise CruiseError(f"{os.fspath(path)!r} is no output of `diff all`: no line says `set NAME = VALUE`")
     return meant
 
 
