@@ -6,6 +6,7 @@
 # make check    formatting, lint, types, import layers
 # make pictures draws the pictures of the README and of the replay page anew; needs Chromium
 # make peers    installs other libraries, in environments of their own, and times CRUISE beside them
+# make clients  installs other learning libraries, with PyTorch, and runs each on the races as its documentation says
 # make speed    compares how fast this state and the commit before are, in turn
 # make docs     builds the documentation into build/site
 # make viewer   builds the replay page anew from viewer/; needs npm
@@ -20,7 +21,7 @@ INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --co
 WORKERS ?= 2
 
 .DEFAULT_GOAL := help
-.PHONY: help race test check firmware sb3 viewer check-viewer peers speed policies pictures docs clean
+.PHONY: help race test check firmware sb3 clients viewer check-viewer peers speed policies pictures docs clean
 
 help:
 	@sed -n 's/^# \(make .*\)/\1/p' Makefile
@@ -62,6 +63,16 @@ sb3: $(VENV)/.installed-sb3
 # Brax and the others pull in much that CRUISE's own environment need not hold; Crazyflow excludes its version of JAX.
 peers: .venv-peers/.installed .venv-crazyflow/.installed
 	@.venv-peers/bin/python -m benchmarks.peers --rounds $(or $(ROUNDS),5)
+
+clients: .venv-clients/.installed
+	@.venv-clients/bin/python -m benchmarks.clients
+
+.venv-clients/.installed: pyproject.toml constraints.txt
+	$(PYTHON) -m venv .venv-clients
+	.venv-clients/bin/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable \
+	    '.[gym]' torch==2.13.0 stable-baselines3==2.9.2 sb3-contrib==2.9.2 sbx-rl==0.28.0 skrl==2.1.1 SuperSuit==3.11.0 \
+	    torchrl==0.14.1
+	@touch $@
 
 .venv-peers/.installed: pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv-peers

@@ -1,7 +1,9 @@
 """The examples fly."""
 
+import importlib
 from pathlib import Path
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -44,3 +46,17 @@ def test_a_network_of_ones_own_in_onnx(tmp_path, monkeypatch):
     seen = np.random.default_rng(0).normal(size=(6, 38)).astype(np.float32)
     wanted = np.asarray(policy.params.mean_action(jnp.asarray(seen.T))).T
     np.testing.assert_allclose(pilot.make()(Seen(seen)), wanted, atol=1e-5)
+
+
+def test_the_loop_in_jax_learns_from_every_drone(monkeypatch):
+    monkeypatch.syspath_prepend(EXAMPLES)
+    loop = importlib.import_module("train_jax")
+    for name, value in {"RACES": 8, "STEPS": 8, "EPOCHS": 1, "MINIBATCHES": 2}.items():
+        monkeypatch.setattr(loop, name, value)
+    lines = []
+    params, speed, crashes = loop.train(2 * 8 * 8 * 2, show=lines.append, track="ring", drones=2)
+    assert lines[-1].startswith("        256 steps, ")
+    assert 0.0 <= crashes <= 1.0
+    assert 0.0 < speed < 20.0
+    assert all(jnp.isfinite(leaf).all() for leaf in jax.tree.leaves(params))
+    assert (params["log_std"] != -0.5).all()

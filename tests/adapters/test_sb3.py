@@ -57,3 +57,19 @@ def test_the_example_trains_and_measures_in_one_command(tmp_path, monkeypatch, c
     assert "success " in text
     assert "PILOT_MODEL=runs/sb3/model.zip cruise evaluate --track ring --drones 2 --pilot " in text
     assert (tmp_path / "runs" / "sb3" / "model.zip").is_file()
+
+
+def test_options_of_a_reset_are_heeded_and_those_of_the_race_told():
+    env = StableBaselinesEnv(2, **DUEL, render_mode="rgb_array")
+    assert env.get_attr("render_mode") == ["rgb_array"] * 2
+    assert env.get_attr("track", [0]) == ["ring"]
+    assert env.get_attr("opponents") == [["chaser"]] * 2
+    places = np.array([[2.0, 1.0, 1.5], [2.0, 4.0, 1.5]])
+    env.set_options([{"start": {"position_w": places + race, "gate": race}} for race in range(2)])
+    env.seed(1)
+    env.reset()
+    stands = np.asarray(env.env._races.state.drones.position_w).T
+    np.testing.assert_allclose(stands, np.stack([places, places + 1]).astype(np.float32), atol=1e-6)
+    assert [image.shape for image in env.get_images()] == [(480, 640, 3)] * 2
+    env.reset()
+    assert not np.allclose(np.asarray(env.env._races.state.drones.position_w).T, stands)

@@ -22,9 +22,10 @@ Values = dict[str, Any]  # by agent
 class AgentRaces(FunctionalRaces):
     """One race of agents `drone_0`, `drone_1` ..., with the interface of JaxMARL's `MultiAgentEnv`.
 
-    `jax.vmap` of `reset` and `step` flies many, about as fast as races last. An agent that is out stays done until the
-    race ends (`dones["__all__"]`) and begins anew in the same step. `info` holds arrays [N] by name, `terminated`,
-    `truncated` and `active` among them, and `final_observation` [N, O], what was seen before a new race began.
+    `jax.vmap` of `reset` and `step` flies many, races last inside; turning the arrays costs time at every step. An
+    agent that is out stays done until the race ends (`dones["__all__"]`) and begins anew in the same step. `info` holds
+    arrays [N] by name, `terminated`, `truncated` and `active` among them, and `final_observation` [N, O], what was seen
+    before a new race began.
     """
 
     def __init__(self, options: RaceOptions) -> None:
