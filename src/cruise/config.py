@@ -239,6 +239,7 @@ class Track:
     frame_width: float = 0.3  # solid border around every opening [m]
     leave_distance: float = 10.0  # farther than this from every gate has left the track [m]
     variants: tuple[tuple[Gate, ...], ...] = ()  # other places of the same gates; where given, every race draws one
+    variant_obstacles: tuple[tuple[Obstacle, ...], ...] = ()  # of each of the variants; none: `obstacles` of all
     obstacles: tuple[Obstacle, ...] = ()
     start: Start | None = None  # None: a grid before a gate, by chance
     start_gate: int = 0  # index of the first gate to pass from `start`
@@ -353,6 +354,8 @@ class Randomisation:
     gust_speed: float = 0.0  # Root mean square of the turbulence, per axis [m/s].
     gate_shift: float = 0.0  # Largest displacement of a gate, per axis [m].
     gate_turn: float = 0.0  # Largest rotation of a gate about the vertical [rad].
+    gate_tilt: float = 0.0  # Largest roll and pitch of a gate beyond its own [rad].
+    solid_shift: float = 0.0  # Largest level displacement of a pole or wall, per axis [m].
     position_error: float = 0.0  # Standard deviation of the position estimate, per axis [m].
     velocity_error: float = 0.0  # Standard deviation of the velocity estimate, per axis [m/s].
     attitude_error: float = 0.0  # Standard deviation of the attitude estimate, per axis [rad].
@@ -364,7 +367,10 @@ class Randomisation:
 
 
 AROUND_THE_VEHICLE = frozenset(
-    {"gate_shift", "gate_turn", "position_error", "velocity_error", "attitude_error", "rate_error"}
+    {
+        *("gate_shift", "gate_turn", "gate_tilt", "solid_shift"),
+        *("position_error", "velocity_error", "attitude_error", "rate_error"),
+    }
 )
 OF_BODY_AND_AIR = frozenset(field.name for field in fields(Randomisation)) - AROUND_THE_VEHICLE
 

@@ -186,21 +186,24 @@ _WALLED = _upenn(
 def _lsy() -> Track:
     """Level 2 of TU Munich's drone racing course, config/level2.toml of utiasDSL/lsy_drone_racing, as it is nominally.
 
-    Openings are 0.4 m and their frames reach to 0.36 m from the centre. Every gate stands on a stand, a box of 0.1 m to
-    0.36 m under the centre, and the four obstacles are poles of 15 mm radius that end 15 mm above the given height.
+    There a drone collides as a box of 0.14 x 0.14 x 0.04 m, here as a point: so everything solid is 0.07 m bigger here.
+    Without that, openings are 0.4 m, their frames reach to 0.36 m from the centre, every gate stands on a box of 0.1 m
+    that ends 0.36 m under its centre, and poles have a radius of 15 mm and end 15 mm above the given height.
     """
+    body = 0.07
     rows = [(0.5, 0.25, 0.7, -0.78), (1.05, 0.75, 1.2, 2.35), (-1.0, -0.25, 0.7, 3.14), (0.0, -0.75, 1.2, 0.0)]
     poles = [(0.0, 0.75), (1.0, 0.25), (-1.5, -0.25), (-0.5, -0.75)]
-    stands = [Wall((x, y, (z - 0.36) / 2), (0.1, 0.1, z - 0.36), yaw) for x, y, z, yaw in rows]
+    tops, side = [z - 0.36 + body for _, _, z, _ in rows], 0.1 + 2 * body
+    stands = [Wall((x, y, top / 2), (side, side, top), yaw) for (x, y, _, yaw), top in zip(rows, tops, strict=True)]
     return Track(
         "lsy-2",
-        tuple(Gate((x, y, z), yaw, 0.4, 0.4) for x, y, z, yaw in rows),
+        tuple(Gate((x, y, z), yaw, 0.4 - 2 * body, 0.4 - 2 * body) for x, y, z, yaw in rows),
         bounds_low=(-3.0, -3.0, 0.0),
         bounds_high=(3.0, 3.0, 2.5),
         laps=1,
-        frame_width=0.16,
+        frame_width=0.16 + 2 * body,
         leave_distance=6.0,
-        obstacles=(*(Pole((x, y, 0.0), 1.565, 0.015) for x, y in poles), *stands),
+        obstacles=(*(Pole((x, y, 0.0), 1.565 + body, 0.015 + body) for x, y in poles), *stands),
         start=StartPlaces((StartPlace((-1.5, 0.75, 0.01), 0.0),)),
     )
 

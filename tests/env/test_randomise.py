@@ -17,6 +17,7 @@ from cruise.errors import CruiseError
 from cruise.presets import RANDOMISATION, TRACKS, VEHICLES
 from cruise.racing.course import pick
 from cruise.racing.random_track import random_tracks
+from cruise.racing.solids import solid_columns
 from tests.helpers import arrays, quick_jit
 
 RING, RACER, PAPER = TRACKS["ring"], VEHICLES["racer"], VEHICLES["paper"]
@@ -71,9 +72,28 @@ def test_what_is_not_random_stays_out_of_the_state() -> None:
     plain = drawn(Randomisation())
     assert len(jax.tree.leaves((plain.drones.parameters, plain.surroundings))) == 0
     for name, value in dataclasses.asdict(FULL).items():
+        if not value:
+            continue
         state = drawn(dataclasses.replace(Randomisation(), **{name: value}))
         assert jax.tree.leaves((state.drones.parameters, state.surroundings)), name
     assert perturbation(RING, RACER, Randomisation()) is None
+
+
+def test_tilted_gates_and_moved_solids_are_where_the_course_has_them() -> None:
+    """Every race its own, evenly about the track's; the log of a race has them there."""
+    track, most = TRACKS["lsy-2"], Randomisation(gate_tilt=0.1, solid_shift=0.15)
+    env = make_race_env(track, 1, RACER, perturb=perturbation(track, RACER, most))
+    state = quick_jit(env.reset, static_argnums=1)(jax.random.key(0), (RACES,))
+    course = env.course_of(state)
+    pitch, roll = np.arctan2(course.tilt[1], course.tilt[0]), np.arctan2(course.tilt[3], course.tilt[2])
+    for turn in (pitch, roll):
+        assert turn.shape == (4, RACES)
+        np.testing.assert_allclose((np.abs(turn).max(), turn.std()), (0.1, 0.1 / np.sqrt(3)), rtol=0.1)
+    for kind, still in solid_columns(track.obstacles).items():
+        moved = np.asarray(course.solids[kind]) - still[:, :, None]
+        assert np.abs(moved[:2]).max() == pytest.approx(0.15, rel=0.02)
+        assert np.abs(moved[2:]).max() < 1e-6
+    np.testing.assert_allclose(course.position_w[:, :, 0].T, [gate.position_w for gate in track.gates], atol=1e-6)
 
 
 def test_milder_races_meet_one_part_of_all_that_is_random() -> None:

@@ -18,7 +18,7 @@ RING = TRACKS["ring"]
 
 def test_every_field_has_a_kind_and_every_cell_is_that_kind_alone() -> None:
     full = RANDOMISATION["racer"]
-    fields = {field.name for field in dataclasses.fields(Randomisation)}
+    fields = {name for name, value in dataclasses.asdict(full).items() if value}
     assert {name for kind in KINDS for name in kind.fields} == fields
     table = cells(full)
     signed = sum(kind.signed for kind in KINDS)

@@ -184,12 +184,13 @@ def test_zurichs_track_is_raced_though_two_of_its_frames_overlap():
 
 
 def test_munichs_course_has_its_stands_and_poles():
-    """A stand ends 0.36 m below the centre of its opening, where the frame does."""
+    """All of it 0.07 m bigger, the half width of a drone: their frames reach to 0.36 m from the centre."""
     track = TRACKS["lsy-2"]
     assert track_faults(track) == []
     stands = [solid for solid in track.obstacles if isinstance(solid, Wall)]
     tops = [stand.position_w[2] + stand.size[2] / 2 for stand in stands]
-    assert tops == pytest.approx([gate.position_w[2] - gate.height / 2 - track.frame_width for gate in track.gates])
+    assert tops == pytest.approx([gate.position_w[2] - 0.36 + 0.07 for gate in track.gates])
+    assert {round(gate.width / 2 + track.frame_width, 9) for gate in track.gates} == {0.36 + 0.07}
     assert sum(isinstance(solid, Pole) for solid in track.obstacles) == 4
 
 

@@ -70,8 +70,7 @@ def _with_gates(course: Course, surroundings: Surroundings) -> Course:
     moved = surroundings.gates
     if moved is None:
         return course
-    size = course.half_size if moved.half_size is None else moved.half_size
-    return course._replace(position_w=moved.position_w, normal_w=moved.normal_w, half_size=size)
+    return course._replace(**{name: table for name, table in moved._asdict().items() if table is not None})
 
 
 def _air_w(dynamics: Dynamics, state: RaceState) -> Float[Array, "3 N *B"] | None:

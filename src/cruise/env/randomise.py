@@ -2,23 +2,27 @@
 
 import dataclasses
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array
 
-from cruise.config import OF_BODY_AND_AIR, Randomisation, Track, Vehicle
+from cruise.config import OF_BODY_AND_AIR, Gate, Randomisation, Track, Vehicle
 from cruise.dynamics.parameters import Parameters, physics_of, remembering
 from cruise.env.surroundings import GUST_PERIODS, Conditions, Gusts, MovedGates, SensorErrors, Surroundings
 from cruise.errors import CruiseError
+from cruise.racing.solids import solid_tables
 
 NOISE = 0.5  # of a sensor's error, that is new at every step
 SENSED = ("position_error", "velocity_error", "attitude_error", "rate_error")  # in the order of `SensorErrors`
 Shape = tuple[int, ...]
 # Fields of `Randomisation` by name, numbers or arrays over races [*B]; what is not there costs nothing.
 Strengths = Mapping[str, Any]
+Variants = Sequence[Sequence[Gate]]
+MOVED = frozenset({"gate_shift", "gate_turn"})
 
 
 def made_for(vehicle: Vehicle, randomisation: Randomisation) -> Vehicle:
@@ -129,11 +133,13 @@ def _wind(strongest: Array | float, key: Array, shape: Shape) -> Array:
 
 def _gates(track: Track, strengths: Strengths, key: Array, races: Shape) -> MovedGates | None:
     """The track's gates, or those of one of its variants, shifted and turned, none lower than its opening reaches."""
-    moved = "gate_shift" in strengths or "gate_turn" in strengths
-    if not (moved or track.variants):
+    moved, tilted, shifted = (not names.isdisjoint(strengths) for names in (MOVED, {"gate_tilt"}, {"solid_shift"}))
+    if not (moved or tilted or shifted or track.variants):
         return None
     shift_key, turn_key, variant_key = jax.random.split(key, 3)
-    position, yaw = _standing(track, variant_key, races)
+    variants = track.variants or (track.gates,)
+    variant = jax.random.randint(variant_key, races, 0, len(variants))
+    position, yaw = _standing(variants, variant)
     if moved:
         gates = len(track.gates)
         shift = strengths.get("gate_shift", 0.0) * jax.random.uniform(shift_key, (3, gates, *races), minval=-1.0)
@@ -141,16 +147,44 @@ def _gates(track: Track, strengths: Strengths, key: Array, races: Shape) -> Move
         half_height = jnp.array([gate.height / 2 for gate in track.gates]).reshape(gates, *(1,) * len(races))
         lowest = jnp.minimum(position[2], half_height)
         position, yaw = (position + shift).at[2].max(lowest), yaw + turn
-    return MovedGates(position, jnp.stack([jnp.cos(yaw), jnp.sin(yaw)]))
+    tilt = _tilts(variants, variant, strengths.get("gate_tilt"), jax.random.fold_in(key, 3))
+    solids = _solids(track, variant, strengths.get("solid_shift"), jax.random.fold_in(key, 4))
+    return MovedGates(position, jnp.stack([jnp.cos(yaw), jnp.sin(yaw)]), tilt=tilt, solids=solids)
 
 
-def _standing(track: Track, key: Array, races: Shape) -> tuple[Array, Array]:
-    """Centres [3, G, *B] and yaws [G, *B] of the gates that the track says, for every race a variant by chance."""
-    variants = track.variants or (track.gates,)
+def _standing(variants: Variants, variant: Array) -> tuple[Array, Array]:
+    """Centres [3, G, *B] and yaws [G, *B] of the gates of every race's variant."""
     position = jnp.array([[gate.position_w for gate in gates] for gates in variants], jnp.float32)
     yaw = jnp.array([[gate.yaw for gate in gates] for gates in variants], jnp.float32)
-    chosen = jax.random.randint(key, races, 0, len(variants))
-    return position.T[:, :, chosen], yaw.T[:, chosen]
+    return position.T[:, :, variant], yaw.T[:, variant]
+
+
+def _tilts(variants: Variants, variant: Array, largest: Any, key: Array) -> Array | None:
+    """As `Course.tilt`, [4, G, *B]; None where it is the same in all races."""
+    turns = np.array([[(gate.pitch, gate.roll) for gate in gates] for gates in variants], np.float32)
+    if largest is None and (turns == turns[:1]).all():
+        return None
+    pitch, roll = jnp.asarray(turns.T)[:, :, variant] + (0.0 if largest is None else largest) * jax.random.uniform(
+        key, (2, turns.shape[1], *variant.shape), minval=-1.0
+    )
+    return jnp.stack([jnp.cos(pitch), jnp.sin(pitch), jnp.cos(roll), jnp.sin(roll)])
+
+
+def _solids(track: Track, variant: Array, largest: Any, key: Array) -> dict[str, Array] | None:
+    """As `Course.solids`, [C, S, *B] of each kind; None where they are the same in all races.
+
+    Of a kind of which a variant has fewer than another, the rest lies where nobody flies.
+    """
+    every = track.variant_obstacles or (track.obstacles,)
+    if not any(every) or (largest is None and not track.variant_obstacles):
+        return None
+    tables = {kind: jnp.asarray(table.T)[:, :, variant] for kind, table in solid_tables(every).items()}
+    if largest is None:
+        return tables
+    for number, (kind, table) in enumerate(tables.items()):
+        shift = jax.random.uniform(jax.random.fold_in(key, number), (2, *table.shape[1:]), minval=-1.0)
+        tables[kind] = table.at[:2].add(largest * shift)
+    return tables
 
 
 def _gusts(strengths: Strengths, key: Array, races: Shape) -> Gusts | None:

@@ -85,7 +85,7 @@ def meet_solids(
     return {kind.name: _meet_kind(kind, tables[kind.name], start_w, end_w) for kind in KINDS if kind.name in tables}
 
 
-def _meet_kind(kind: SolidKind, table: Float[Array, "C S"], start_w: Array, end_w: Array) -> Array:
+def _meet_kind(kind: SolidKind, table: Float[Array, "C S *B"], start_w: Array, end_w: Array) -> Array:
     def visit(first: Array, solid: Array | int) -> Array:
         return jnp.minimum(first, kind.contact(table[:, solid], start_w, end_w))
 

@@ -30,9 +30,9 @@ class Course(NamedTuple):
     bounds_low: Float[Array, "3"]
     bounds_high: Float[Array, "3"]
     leave_distance: Float[Array, ""]
-    tilt: Float[Array, "4 G"] | None = None  # (cos pitch, sin pitch, cos roll, sin roll); None: all stand upright
+    tilt: Float[Array, "4 G *B"] | None = None  # (cos pitch, sin pitch, cos roll, sin roll); None: all stand upright
     is_round: Bool[Array, "1 G"] | None = None  # None: all are rectangles
-    solids: dict[str, Float[Array, "C S"]] | None = None  # by kind, see `cruise.racing.solids`; None: gates alone
+    solids: dict[str, Float[Array, "C S *B"]] | None = None  # by kind, see `cruise.racing.solids`; None: gates alone
 
     @property
     def num_gates(self) -> int:

@@ -4,7 +4,8 @@ A new kind is a dataclass in `cruise.config`, a `SolidKind` here and a `COLLISIO
 `cruise.racing.events`. Its outline, an upright box or cylinder, is what logs store and screens draw.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -14,6 +15,8 @@ from cruise.config import Obstacle, Pole, Vec3, Wall
 from cruise.geometry import Number, Vector
 from cruise.racing import track_schema as schema
 from cruise.racing.track_schema import Check, Table
+
+NOWHERE = -1000.0  # height at which a solid is that is not there [m]
 
 
 class Outline(NamedTuple):
@@ -36,7 +39,8 @@ class SolidKind(NamedTuple):
     required: Mapping[str, str]  # what they are
     read: Callable[[Table], Any]  # of a table without faults
     write: Callable[[Any], dict[str, Any]]
-    column: Callable[[Any], tuple[float, ...]]  # its numbers, as `contact` takes them
+    column: Callable[[Any], tuple[float, ...]]  # its numbers, as `contact` takes them; x, y, z first
+    of_column: Callable[[list[float]], Any]  # the other way
     contact: Callable[[Any, Vector, Vector], Number]  # (numbers, start, end) -> fraction of the step, or NEVER
     outline: Callable[[Any], Outline]
 
@@ -76,6 +80,7 @@ KINDS = (
         read=lambda table: Pole(schema.vec3(table["position"]), float(table["height"]), float(table["radius"])),
         write=lambda pole: {"position": list(pole.base_w), "radius": pole.radius, "height": pole.height},
         column=lambda pole: (*pole.base_w, pole.radius, pole.height),
+        of_column=lambda c: Pole((c[0], c[1], c[2]), c[4], c[3]),
         contact=_pole_contact,
         outline=_pole_outline,
     ),
@@ -95,6 +100,7 @@ KINDS = (
             **schema.angle_key("yaw", wall.yaw),
         },
         column=lambda wall: (*wall.position_w, *geometry.heading_of(wall.yaw), *(side / 2 for side in wall.size)),
+        of_column=lambda c: Wall((c[0], c[1], c[2]), (2 * c[5], 2 * c[6], 2 * c[7]), math.atan2(c[4], c[3])),
         contact=_wall_contact,
         outline=lambda wall: Outline("wall", "box", wall.position_w, wall.size, wall.yaw),
     ),
@@ -113,6 +119,36 @@ def solid_columns(obstacles: Iterable[Obstacle]) -> dict[str, np.ndarray]:
         kind = kind_of(obstacle)
         columns.setdefault(kind.name, []).append(kind.column(obstacle))
     return {name: np.array(rows).T for name, rows in columns.items()}
+
+
+def solid_tables(variants: Sequence[Iterable[Obstacle]]) -> dict[str, np.ndarray]:
+    """By kind, the numbers of all solids in each of some variants [V, S, C], filled up with some deep under ground."""
+    tables = [solid_columns(obstacles) for obstacles in variants]
+    largest: dict[str, np.ndarray] = {}
+    for name, columns in ((name, columns) for table in tables for name, columns in table.items()):
+        if name not in largest or columns.shape[1] > largest[name].shape[1]:
+            largest[name] = columns
+    return {
+        name: np.array([_filled_up(table.get(name, columns[:, :0]), columns).T for table in tables], np.float32)
+        for name, columns in largest.items()
+    }
+
+
+def _filled_up(columns: np.ndarray, largest: np.ndarray) -> np.ndarray:
+    """[C, S] of the columns and, up to as many as are in `largest`, some of those deep under ground."""
+    more = largest[:, columns.shape[1] :].copy()
+    more[2] = NOWHERE
+    return np.concatenate([columns, more], axis=1)
+
+
+def solids_of_columns(tables: Mapping[str, np.ndarray]) -> tuple[Obstacle, ...]:
+    """The solids of `solid_columns`, without those that fill up."""
+    return tuple(
+        kind.of_column(column)
+        for kind in KINDS
+        for column in np.asarray(tables.get(kind.name, np.zeros((0, 0))), np.float64).T.tolist()
+        if column[2] > NOWHERE / 2
+    )
 
 
 def outlines(obstacles: Iterable[Obstacle]) -> Iterator[Outline]:

@@ -1,5 +1,6 @@
 """Where drones can wait for the start: within the track, off its solids. Plain NumPy: decided once per race."""
 
+import dataclasses
 import itertools
 import math
 from collections.abc import Iterator, Sequence
@@ -131,7 +132,13 @@ def grids_that_fit(track: Track, drones: int, grids: Sequence[Grid] = GRIDS) -> 
     With variants one grid that fits before every gate of all of them.
     """
     if track.variants:
-        every = (grid for grid in grids if all(_fits(track, v, g, grid, drones) for v in track.variants for g in v))
+        tracks = [
+            dataclasses.replace(track, obstacles=solids) for solids in track.variant_obstacles or [track.obstacles]
+        ]
+        every_gate = [
+            (one, v, gate) for one, v in zip(itertools.cycle(tracks), track.variants, strict=False) for gate in v
+        ]
+        every = (grid for grid in grids if all(_fits(one, v, gate, grid, drones) for one, v, gate in every_gate))
         return [next(every, None)] * len(track.gates)
     return [
         next((grid for grid in grids if _fits(track, track.gates, gate, grid, drones)), None) for gate in track.gates

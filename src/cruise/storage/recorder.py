@@ -2,7 +2,7 @@
 
 import dataclasses
 import functools
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,7 +12,7 @@ from cruise import geometry
 from cruise.config import Gate, Track
 from cruise.racing.events import COLLISION_KINDS, EVENT_KINDS, EventKind
 from cruise.racing.gates import Crossing
-from cruise.racing.solids import kind_of, outlines
+from cruise.racing.solids import KINDS, outlines, solid_columns, solids_of_columns
 from cruise.rollout import Flight
 from cruise.storage.race_log import NOBODY, RaceLog
 
@@ -87,25 +87,45 @@ def _one_log(flight: Flight, info: RaceInfo, events: _Events, race: int) -> Race
 
 
 def _track_flown(flight: Flight, track: Track, race: int) -> Track:
-    """The track with its gates where this race had them."""
+    """The track with its gates and solids where this race had them."""
     if flight.moved is None:
         return track
-    position, yaw = _gates_flown(flight, track, np.array([race]))
+    centre, turns = _gates_flown(flight, track, np.array([race]))
     gates = (
-        dataclasses.replace(gate, position_w=(float(x), float(y), float(z)), yaw=float(yaw[g, 0]))
-        for g, (gate, (x, y, z)) in enumerate(zip(track.gates, position[:, :, 0], strict=True))
+        dataclasses.replace(gate, position_w=(float(x), float(y), float(z)), yaw=yaw, pitch=pitch, roll=roll)
+        for gate, (x, y, z), (yaw, pitch, roll) in zip(
+            track.gates, centre[:, :, 0], turns[:, :, 0].tolist(), strict=True
+        )
     )
-    return dataclasses.replace(track, gates=tuple(gates))
+    track = dataclasses.replace(track, gates=tuple(gates))
+    solids = flight.moved.solids
+    if solids is None:
+        return track
+    here = solids_of_columns({kind: table[:, :, race] for kind, table in solids.items()})
+    return dataclasses.replace(track, obstacles=here)
 
 
 def _gates_flown(flight: Flight, track: Track, race: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Centres [G, 3, R] and yaws [G, R] of all gates in each of some races."""
-    if flight.moved is None:
-        rows = len(race)
-        centre = np.array([gate.position_w for gate in track.gates])[:, :, None].repeat(rows, 2)
-        return centre, np.array([gate.yaw for gate in track.gates])[:, None].repeat(rows, 1)
-    position, (cos, sin) = (np.asarray(table, np.float64) for table in (flight.moved.position_w, flight.moved.normal_w))
-    return position[:, :, race].swapaxes(0, 1), np.arctan2(sin, cos)[:, race]
+    """Centres [G, 3, R] of all gates in each of some races, and their yaws, pitches and rolls [G, 3, R]."""
+    rows, moved = len(race), flight.moved
+    turns = np.array([(gate.yaw, gate.pitch, gate.roll) for gate in track.gates])[:, :, None].repeat(rows, 2)
+    if moved is None:
+        return np.array([gate.position_w for gate in track.gates])[:, :, None].repeat(rows, 2), turns
+    position, (cos, sin) = (np.asarray(table, np.float64) for table in (moved.position_w, moved.normal_w))
+    turns[:, 0] = np.arctan2(sin, cos)[:, race]
+    if moved.tilt is not None:
+        cos_pitch, sin_pitch, cos_roll, sin_roll = np.asarray(moved.tilt, np.float64)[:, :, race]
+        turns[:, 1], turns[:, 2] = np.arctan2(sin_pitch, cos_pitch), np.arctan2(sin_roll, cos_roll)
+    return position[:, :, race].swapaxes(0, 1), turns
+
+
+def _solids_flown(flight: Flight, track: Track, kind: str, race: np.ndarray) -> Iterator[np.ndarray]:
+    """The numbers of every solid of a kind in each of some races [C, R]."""
+    if flight.moved is not None and flight.moved.solids is not None:
+        table = np.asarray(flight.moved.solids[kind], np.float64)[:, :, race]
+    else:
+        table = solid_columns(track.obstacles)[kind][:, :, None].repeat(len(race), 2)
+    return iter(table.swapaxes(0, 1))
 
 
 def track_arrays(track: Track) -> dict[str, Any]:
@@ -212,12 +232,8 @@ def _contact(kind: EventKind, flight: Flight, hits: _Hits, info: RaceInfo) -> _C
     elif kind == EventKind.COLLISION_BOUNDS:
         fraction = _leave_box(info.track, start, end)
     else:
-        solids = [kind_of(solid) for solid in info.track.obstacles]
-        met = [
-            one.contact(one.column(solid), start, end)
-            for one, solid in zip(solids, info.track.obstacles, strict=True)
-            if one.name == kind.hit
-        ]
+        solid = next(one for one in KINDS if one.name == kind.hit)
+        met = [solid.contact(column, start, end) for column in _solids_flown(flight, info.track, kind.hit, hits.race)]
         fraction = np.min([fraction, *met], axis=0)
     return _Contact(np.minimum(fraction, 1.0), gate, other)
 
@@ -277,8 +293,8 @@ def _meet_frame(flight: Flight, hits: _Hits, start: Point, end: Point, track: Tr
     """The gate whose frame was struck first, and when."""
     flown = zip(*_gates_flown(flight, track, hits.race), strict=True)
     by_gate = [
-        _frame_misfit(gate, track.frame_width, (centre, yaw), (start, end))
-        for gate, (centre, yaw) in zip(track.gates, flown, strict=True)
+        _frame_misfit(gate, track.frame_width, place, (start, end))
+        for gate, place in zip(track.gates, flown, strict=True)
     ]
     misfit, fraction = np.array(by_gate).swapaxes(0, 1)
     gate = (misfit + 1e-3 * fraction).argmin(axis=0)
@@ -290,10 +306,10 @@ def _frame_misfit(
 ) -> tuple[np.ndarray, np.ndarray]:
     """How far [m] segments are from striking a gate's frame, 0 for those that do, and the fraction at its plane.
 
-    `place` is its centre [3, R] and yaw [R] in each race.
+    `place` is its centre and yaw, pitch, roll in each race [3, R].
     """
-    centre, yaw = place
-    heading, tilt = (np.cos(yaw), np.sin(yaw)), geometry.tilt_of(gate.roll, gate.pitch)
+    centre, (yaw, pitch, roll) = place
+    heading, tilt = (np.cos(yaw), np.sin(yaw)), (np.cos(pitch), np.sin(pitch), np.cos(roll), np.sin(roll))
     before, after = (
         geometry.to_gate(heading, tuple(a - c for a, c in zip(point, centre, strict=True)), tilt) for point in segment
     )
