@@ -15,6 +15,7 @@ VEHICLES_SHOWN = {
     "paper": ("paper",),
     "body": ("racer", "paper"),
     "body-near": ("racer",),
+    "body-placed": ("racer",),
 }
 TRACK, DRONES = "ring", 2
 

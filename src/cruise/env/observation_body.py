@@ -94,3 +94,17 @@ BODY, BODY_NEAR = (
         strict=True,
     )
 )
+
+PLACE_RANGE = 3.0  # [m]
+
+
+def _heading(view: View) -> Float[Array, "2 N *B"]:
+    return jnp.stack([jnp.cos(view.euler[2]), jnp.sin(view.euler[2])])
+
+
+BODY_PLACED = BODY.with_terms(
+    "body-placed",
+    Term("place", 3, "own position", "m", PLACE_RANGE, fn=lambda view: view.position_w),
+    Term("heading", 2, "cosine and sine of the own yaw", fn=_heading),
+    about="As `body`, with its place in the world: for one small track whose poles and walls a policy learns by heart.",
+)

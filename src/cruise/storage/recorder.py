@@ -101,7 +101,7 @@ def _track_flown(flight: Flight, track: Track, race: int) -> Track:
     solids = flight.moved.solids
     if solids is None:
         return track
-    here = solids_of_columns({kind: table[:, :, race] for kind, table in solids.items()})
+    here = solids_of_columns({kind: np.asarray(table)[:, :, race] for kind, table in solids.items()})
     return dataclasses.replace(track, obstacles=here)
 
 
