@@ -53,7 +53,7 @@ def test_laps_of_an_independent_solution(track, ratio, flying, standing):
 @pytest.mark.parametrize(("track", "lap"), [("ring", 2.76), ("figure-eight", 3.50)])
 def test_laps_of_a_point_mass(track, lap):
     problem = Problem(TRACKS[track], point_mass(5 * 9.81, 9.81))
-    assert problem.solve(guess.line(TRACKS[track], problem.model, 4.0, 20)).time == pytest.approx(lap, rel=0.005)
+    assert problem.solve(guess.line(problem, 4.0, 20)).time == pytest.approx(lap, rel=0.005)
 
 
 def test_a_circle_is_flown_at_the_speed_that_the_thrust_turns():
@@ -79,7 +79,7 @@ def test_more_thrust_is_faster_and_drag_is_slower():
 def test_no_vehicle_beats_the_point_mass_of_its_thrust():
     for track in ("ring", "figure-eight"):
         problem = Problem(TRACKS[track], point_mass(3.3 * 9.81, 9.81))
-        fastest = problem.solve(guess.line(TRACKS[track], problem.model, 4.0, 20)).time
+        fastest = problem.solve(guess.line(problem, 4.0, 20)).time
         assert fastest < limit(track).lap.time < 1.05 * fastest
 
 

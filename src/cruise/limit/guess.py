@@ -7,20 +7,21 @@ from scipy.interpolate import CubicHermiteSpline
 
 from cruise.config import Gate, Track
 from cruise.limit.models import ATTITUDE, POSITION, VELOCITY, Model
-from cruise.limit.transcription import Lap
+from cruise.limit.transcription import Dash, Lap, Problem, stops
 from cruise.racing.detours import site_of
 from cruise.racing.ways import normal_of, way_around
 
 KNOTS = 9  # of a way around solids, its ends included
 
 
-def spline(track: Track, speed: float, laps: int = 1) -> tuple[np.ndarray, CubicHermiteSpline]:
+def spline(
+    track: Track, speed: float, laps: int = 1, dash: Dash | None = None
+) -> tuple[np.ndarray, CubicHermiteSpline]:
     """Times from gate to gate [s], and a line along each gate's normal through its middle at `speed` [m/s].
 
     Where poles and walls stand on a track the line is the way around them.
     """
-    gates = [*track.gates * laps, track.gates[0]]
-    legs = [_leg(track, a, b) for a, b in itertools.pairwise(gates)]
+    legs = [_leg(track, a, b) for a, b in itertools.pairwise(stops(track, laps, dash))]
     length = [np.linalg.norm(np.diff(places, axis=0), axis=1) for places, _ in legs]
     times = np.concatenate([[0.0], np.cumsum(np.concatenate(length) / speed)])
     places, tangents = (np.concatenate([legs[0][k][:1], *(leg[k][1:] for leg in legs)]) for k in (0, 1))
@@ -37,9 +38,10 @@ def _leg(track: Track, a: Gate, b: Gate) -> tuple[np.ndarray, np.ndarray]:
     return np.array([a.position_w, b.position_w]), np.array([normal_of(a), normal_of(b)])
 
 
-def line(track: Track, model: Model, speed: float, steps: int, laps: int = 1) -> Lap:
+def line(problem: Problem, speed: float, steps: int) -> Lap:
     """The spline flown level, cut into so many steps from gate to gate."""
-    duration, path = spline(track, speed, laps)
+    model = problem.model
+    duration, path = spline(problem.track, speed, problem.standing_laps or 1, problem.dash)
     lap = Lap(duration, np.zeros((len(duration) * steps + 1, 0)), np.zeros((len(duration) * steps, 0)))
     state = np.tile(model.hover, (len(lap.clock), 1))
     state[:, POSITION], state[:, VELOCITY] = path(lap.clock), path(lap.clock, 1)

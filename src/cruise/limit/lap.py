@@ -1,7 +1,8 @@
 """The time-optimal lap of a vehicle on a track, and what there is to say about it."""
 
+import itertools
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import jax.numpy as jnp
 import numpy as np
@@ -15,12 +16,13 @@ from cruise.limit.keep_out import solids_struck
 from cruise.limit.models import POSITION, VELOCITY, make_model, point_mass
 from cruise.limit.search import fastest
 from cruise.limit.stepped import LARGEST_CHANGE, SteppedLap, SteppedProblem
-from cruise.limit.transcription import Lap, Problem, first_found
+from cruise.limit.transcription import Dash, Lap, Problem, first_found, stops
 from cruise.racing.course import make_course
 from cruise.racing.gates import PlaneCrossing, cross_plane
 from cruise.racing.track_geometry import lap_length, segment_lengths
 
 MAX_LAPS = 10  # as one programme
+MAX_GATES = 60  # of a dash
 SHORTEST = 1e-3  # from gate to gate [m]
 STEPS = 20  # from gate to gate, in each of which a control is held
 LOOKS = 4000  # places of a line that are compared with the solids
@@ -36,17 +38,24 @@ class Limit:
     equations: str  # of the vehicle, in a word or two
     lap: Lap | SteppedLap
     standing_laps: int  # 0: periodic flight
+    dash: Dash | None = None  # in place of laps
+    ball: float | None = None  # within which gates were passed [m]
 
     @property
     def lap_times(self) -> tuple[float, ...]:
-        """One per lap [s]."""
+        """One per lap, or that of a dash [s]."""
+        if self.dash is not None:
+            return (self.lap.time,)
         per_lap = self.lap.duration.reshape(-1, len(self.track.gates))
         return tuple(float(time) for time in per_lap.sum(axis=1))
 
     @property
     def nominal_speed(self) -> float:
-        """Length of the polygon through the gates per time of the last lap [m/s]."""
-        return lap_length(self.track.gates) / self.lap_times[-1]
+        """Length of the polygon through the gates per time of the last lap, or of a dash [m/s]."""
+        if self.dash is None:
+            return lap_length(self.track.gates) / self.lap_times[-1]
+        places = [gate.position_w for gate in stops(self.track, dash=self.dash)]
+        return sum(itertools.starmap(math.dist, itertools.pairwise(places))) / self.lap.time
 
     @property
     def mean_speed(self) -> float:
@@ -57,6 +66,8 @@ class Limit:
     @property
     def frames_struck(self) -> tuple[int, ...]:
         """Gates whose frame the line runs through on its way to another gate, which the optimiser does not know of."""
+        if self.ball is not None:
+            return ()
         course, line = make_course(self.track), jnp.asarray(self.lap.state[:, POSITION].T, jnp.float32)
         crossings = (cross_plane(course, gate, line[:, :-1], line[:, 1:]) for gate in range(course.num_gates))
         return tuple(gate for gate, crossing in enumerate(crossings) if bool(_on_frame(crossing, self.track).any()))
@@ -85,6 +96,8 @@ class Options:
 
     margin: float = 0.25  # kept from the edges of every opening, and from poles and walls [m]
     standing_laps: int = 0  # from hovering in the middle of gate 0; 0 for one lap in periodic flight
+    dash: Dash | None = None  # in place of laps, from a place through some gates; for vehicles with rotors
+    ball: float | None = None  # pass gates within so much of their centres in place of their openings; likewise [m]
     steps: int | None = None  # of a vehicle flown by thrust and body rates, from gate to gate; None for STEPS
     largest_change: float | None = None  # of an action between the steps that a controller flies in; None for any
 
@@ -105,11 +118,11 @@ def _smooth(track: Track, vehicle: Vehicle, options: Options) -> Limit:
     assert vehicle.airframe is not None
     drag = vehicle.airframe.drag.horizontal / vehicle.mass
     point = point_mass(vehicle.agility, vehicle.gravity, drag)
-    margin, laps = options.margin, options.standing_laps
-    first = _from_scratch(Problem(track, point, margin, laps), options.steps or STEPS)
+    problem = Problem(track, point, options.margin, options.standing_laps, options.dash, options.ball)
+    first = _from_scratch(problem, options.steps or STEPS)
     model = make_model(vehicle)
-    lap = Problem(track, model, margin, laps).solve(guess.from_point_mass(first, model, vehicle.gravity))
-    return Limit(track, vehicle, model.name, lap, laps)
+    lap = replace(problem, model=model).solve(guess.from_point_mass(first, model, vehicle.gravity))
+    return Limit(track, vehicle, model.name, lap, options.standing_laps, options.dash, options.ball)
 
 
 def _stepped(track: Track, vehicle: Vehicle, options: Options) -> Limit:
@@ -132,6 +145,7 @@ def _check(track: Track, vehicle: Vehicle, options: Options) -> None:
         raise CruiseError(f"margin must be from 0 to less than {widest:g} m, half the smallest opening, not {margin}")
     if not 0 <= options.standing_laps <= MAX_LAPS:
         raise CruiseError(f"laps from standing must be from 1 to {MAX_LAPS}, not {options.standing_laps}")
+    _check_dash(track, vehicle, options)
     if vehicle.flown_by == "cascade" and steps is not None:
         raise CruiseError(f"steps are not to be chosen for {vehicle.name!r}: its own are {vehicle.control_dt:g} s long")
     if vehicle.flown_by == "cascade" and (vehicle.integrator, vehicle.substeps) != ("euler", 1):
@@ -144,10 +158,27 @@ def _check(track: Track, vehicle: Vehicle, options: Options) -> None:
         raise CruiseError(f"largest change of an action must be above 0 and at most {LARGEST_CHANGE:g}, not {change}")
 
 
+def _check_dash(track: Track, vehicle: Vehicle, options: Options) -> None:
+    dash, ball = options.dash, options.ball
+    if vehicle.flown_by == "cascade" and not (dash is None and ball is None):
+        raise CruiseError(f"a dash and balls are known for vehicles with rotors, and {vehicle.name!r} has none")
+    if ball is not None and not (math.isfinite(ball) and ball > 0):
+        raise CruiseError(f"the radius of balls must be above 0, not {ball}")
+    if dash is None:
+        return
+    if options.standing_laps:
+        raise CruiseError("a flight is laps from standing or a dash from a place: ask for one of them")
+    if not 1 <= dash.gates <= MAX_GATES:
+        raise CruiseError(f"a dash is through 1 to {MAX_GATES} gates, not {dash.gates}")
+    inside = (low <= x <= high for low, x, high in zip(track.bounds_low, dash.start_w, track.bounds_high, strict=True))
+    if not all(inside):
+        raise CruiseError(f"a dash must start within the bounds of {track.name}, not at {dash.start_w}")
+
+
 def _from_scratch(problem: Problem, steps: int) -> Lap:
     """The first of several smooth lines that leads to a lap."""
 
     def solved(speed: float) -> Lap:
-        return problem.solve(guess.line(problem.track, problem.model, speed, steps, problem.standing_laps or 1))
+        return problem.solve(guess.line(problem, speed, steps))
 
     return first_found(solved, FIRST_SPEEDS)

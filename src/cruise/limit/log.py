@@ -16,13 +16,16 @@ PILOT = "limit"
 def limit_log(limit: Limit, laps: int = 1) -> RaceLog:
     """Its flight, sampled as the vehicle's other races are; a lap in periodic flight is repeated `laps` times.
 
-    The clock starts in the plane of gate 0. Actions are not known, and zero, but for a vehicle that is flown in steps.
+    The clock starts in the plane of gate 0, or where a dash does. Actions are not known, and zero, but for a vehicle
+    that is flown in steps.
     """
     lap, gates, dt = limit.lap, limit.track.gates, limit.vehicle.control_dt
-    duration = lap.duration if limit.standing_laps else np.tile(lap.duration, laps)
-    crossings = np.concatenate([[0.0], np.cumsum(duration)])
+    from_rest = limit.standing_laps > 0 or limit.dash is not None
+    crossings = np.cumsum(lap.duration if from_rest else np.tile(lap.duration, laps))
+    if limit.dash is None:
+        crossings = np.concatenate([[0.0], crossings])
     time = np.arange(int(np.ceil(crossings[-1] / dt - 1e-9)) + 1) * dt
-    at = np.minimum(time, lap.time) if limit.standing_laps else time % lap.time
+    at = np.minimum(time, lap.time) if from_rest else time % lap.time
     gate = np.arange(len(crossings)) % len(gates)
     event_time, event_gate = np.append(crossings, crossings[-1]), np.append(gate, gate[-1])
     kind = np.full(len(event_time), EventKind.CROSSING)
@@ -45,7 +48,7 @@ def limit_log(limit: Limit, laps: int = 1) -> RaceLog:
         event_kind_names=np.array(EVENT_KINDS),
         pilots=np.array([PILOT]),
         vehicle=limit.vehicle.name,
-        laps=len(duration) // len(gates),
+        laps=max(1, (len(crossings) - 1) // len(gates)),
         control_dt=dt,
         collision_distance=limit.vehicle.collision_distance,
         collision_aspect=limit.vehicle.collision_aspect,

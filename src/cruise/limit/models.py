@@ -94,17 +94,19 @@ def _rate_driven(vehicle: Vehicle) -> Model:
 
 
 def _rotor_driven(vehicle: Vehicle) -> Model:
-    """State p, v, q, rates, four thrusts [N]; control: the thrusts that the rotors head for.
+    """State p, v, q, rates, four thrusts [N]; control: the thrusts that the rotors head for, or have where none lags.
 
     A rate loop may ask for no other torque than J (omega_c - omega) / t + omega x J omega with omega_c within its
     limits: that is the inequality.
     """
     airframe = _airframe(vehicle)
     rotors, rates = airframe.rotors, airframe.rates
-    highest = ca.DM(list(rates.highest))
+    highest, lags = ca.DM(list(rates.highest)), rotors.time_constant > 0
 
     def derivative(x: ca.SX, u: ca.SX) -> ca.SX:
-        rate = _motion(vehicle, x, wrench_of(rotors, ca.vertsplit(x[13:17]), SMOOTH))
+        rate = _motion(vehicle, x, wrench_of(rotors, ca.vertsplit(x[13:17] if lags else u), SMOOTH))
+        if not lags:
+            return flat([*rate])
         return flat([*rate, (u - x[13:17]) / _lag(rotors.time_constant)])
 
     def commanded_rates(x: ca.SX, u: ca.SX) -> ca.SX:
@@ -112,15 +114,16 @@ def _rotor_driven(vehicle: Vehicle) -> Model:
         torque = wrench_of(rotors, ca.vertsplit(u), SMOOTH).body_torque_b
         return (x[RATES] + rates.time_constant * flat([euler_equation(vehicle.inertia, omega, torque)])) / highest
 
-    low, high = _free(17)
+    low, high = _free(17 if lags else 13)
+    low[RATES], high[RATES] = -np.array(rates.highest), np.array(rates.highest)  # where a step outlasts the rate loop
     low[13:], high[13:] = rotors.min_thrust, rotors.max_thrust
     hovering = np.full(4, vehicle.mass * vehicle.gravity / 4)
     return Model(
         name="four rotors",
-        state_size=17,
+        state_size=len(low),
         control=(np.full(4, rotors.min_thrust), np.full(4, rotors.max_thrust)),
         derivative=derivative,
-        hover=np.array([0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0, *hovering], float),
+        hover=np.array([0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0, *hovering], float)[: len(low)],
         lift=hovering,
         state=(low, high),
         path=commanded_rates,

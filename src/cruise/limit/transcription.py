@@ -1,5 +1,6 @@
 """A time-optimal lap as a nonlinear programme: direct multiple shooting, a stretch of equal steps from gate to gate."""
 
+import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any, NamedTuple, TypeVar
@@ -8,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from cruise import geometry
-from cruise.config import Gate, Track
+from cruise.config import Gate, Track, Vec3
 from cruise.errors import CruiseError
 from cruise.limit import keep_out
 from cruise.limit.models import ATTITUDE, POSITION, VELOCITY, Model, Range
@@ -43,6 +44,23 @@ class Lap:
         return np.concatenate([[0.0], np.cumsum(np.repeat(self.duration / self.steps, self.steps))])
 
 
+class Dash(NamedTuple):
+    """From hovering at a place through so many gates, gate 0 first and round again, to a free end."""
+
+    start_w: Vec3  # [m]
+    gates: int
+
+
+def stops(track: Track, laps: int = 1, dash: Dash | None = None) -> list[Gate]:
+    """The gates from which and to which every stretch of a flight leads; before a dash a gate stands at its start."""
+    gates = track.gates
+    if dash is None:
+        return [*gates * laps, gates[0]]
+    (x, y, _), (to_x, to_y, _) = dash.start_w, gates[0].position_w
+    start = Gate(dash.start_w, math.atan2(to_y - y, to_x - x))
+    return [start, *(gates[s % len(gates)] for s in range(dash.gates))]
+
+
 class _Unknowns(NamedTuple):
     durations: ca.MX  # [S]
     states: ca.MX  # [X, S K + 1]
@@ -74,12 +92,24 @@ def _unpacked(numbers: np.ndarray, like: Lap) -> Lap:
 
 @dataclass(frozen=True)
 class Problem:
-    """Laps of a track, from gate 0 to gate 0: one in periodic flight, or some from standing."""
+    """Laps of a track, from gate 0 to gate 0: one in periodic flight, or some from standing; or a dash."""
 
     track: Track
     model: Model
     margin: float = 0.25  # kept from the edges of every opening, and from poles and walls [m]
     standing_laps: int = 0  # from hovering in the middle of gate 0, so many laps to a free end; 0: one lap for ever
+    dash: Dash | None = None  # in place of laps
+    ball: float | None = None  # gates are passed within so much of their centres, whatever their openings [m]
+
+    @property
+    def stops(self) -> list[Gate]:
+        """As the function of this name."""
+        return stops(self.track, self.standing_laps or 1, self.dash)
+
+    @property
+    def from_rest(self) -> bool:
+        """Whether the flight begins hovering, and its end is free."""
+        return self.dash is not None or self.standing_laps > 0
 
     def solve(self, guess: Lap) -> Lap:
         """The fastest lap near the guess, in as many steps. Raises CruiseError where the solver finds none."""
@@ -114,12 +144,15 @@ class Problem:
 
     def _gates(self, unknown: _Unknowns) -> list[Condition]:
         """Every stretch ends in the gate that it leads to."""
-        stretches = unknown.durations.numel()
-        steps, gates = unknown.controls.shape[1] // stretches, len(self.track.gates)
+        steps = unknown.controls.shape[1] // unknown.durations.numel()
         conditions = []
-        for s in range(1, stretches + 1):
-            state = unknown.states[:, s * steps]
-            conditions.append(through(self.track.gates[s % gates], self.margin, state[POSITION], state[VELOCITY]))
+        for s, gate in enumerate(self.stops[1:], start=1):
+            position, velocity = (unknown.states[part, s * steps] for part in (POSITION, VELOCITY))
+            if self.ball is None:
+                conditions.append(through(gate, self.margin, position, velocity))
+            else:
+                near = ca.sumsqr(position - ca.DM(list(gate.position_w)))
+                conditions.append((near, (np.zeros(1), np.full(1, self.ball**2))))
         return conditions
 
     def _solids(self, unknown: _Unknowns) -> list[Condition]:
@@ -132,7 +165,7 @@ class Problem:
     def _ends(self, states: ca.MX) -> list[Condition]:
         """What joins the end of the lap with its start."""
         first, last = states[:, 0], states[:, -1]
-        if self.standing_laps:
+        if self.from_rest:
             return []
         apart = last - first
         joined = [apart[:6]]
@@ -145,8 +178,8 @@ class Problem:
     def _bounds(self, stretches: int, nodes: int) -> Range:
         low, high = (np.tile(bound, (nodes + 1, 1)) for bound in self.model.state)
         low[:, POSITION], high[:, POSITION] = self.track.bounds_low, self.track.bounds_high
-        if self.standing_laps:
-            low[0] = high[0] = start_of(self.track, self.model)
+        if self.from_rest:
+            low[0] = high[0] = start_of(self.stops[0], self.model)
         control = [np.tile(bound, nodes) for bound in self.model.control]
         time = np.full(stretches, 0.05), np.full(stretches, 30.0)
         return (
@@ -190,10 +223,10 @@ def between(new: np.ndarray, old: np.ndarray, values: np.ndarray) -> np.ndarray:
     return np.stack([np.interp(new, old, column) for column in values.T], axis=1)
 
 
-def start_of(track: Track, model: Model) -> np.ndarray:
-    """Hovering in the middle of gate 0."""
+def start_of(gate: Gate, model: Model) -> np.ndarray:
+    """Hovering in the middle of a gate."""
     state = model.hover.copy()
-    state[POSITION] = track.gates[0].position_w
+    state[POSITION] = gate.position_w
     return state
 
 
