@@ -104,6 +104,19 @@ def read_toml(path: StrPath, kind: FileKind) -> dict[str, Any]:
     Raises:
         CruiseError: missing, not a regular file, too large, not UTF-8 or not TOML.
     """
+    text = read_text(path, kind)
+    try:
+        return tomllib.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise CruiseError(f"{shown(path)}: not TOML: {reason(error)}") from error
+
+
+def read_text(path: StrPath, kind: FileKind) -> str:
+    """The text of a file.
+
+    Raises:
+        CruiseError: missing, not a regular file, too large or not UTF-8.
+    """
     try:
         if not os.path.isfile(path):
             raise CruiseError(_not_a_file(path, kind))
@@ -113,18 +126,12 @@ def read_toml(path: StrPath, kind: FileKind) -> dict[str, Any]:
         raise
     except (OSError, ValueError) as error:
         raise CruiseError(f"{shown(path)}: cannot be read: {reason(error)}") from error
-    return _parse(content, shown(path), kind)
-
-
-def _parse(content: bytes, place: str, kind: FileKind) -> dict[str, Any]:
     if len(content) > MAX_BYTES:
-        raise CruiseError(f"{place}: too large for a {kind.noun} file: more than {MAX_BYTES} bytes")
+        raise CruiseError(f"{shown(path)}: too large for a {kind.noun} file: more than {MAX_BYTES} bytes")
     try:
-        return tomllib.loads(content.decode("utf-8-sig"))
+        return content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise CruiseError(f"{place}: not UTF-8 text: byte {error.start} cannot be read") from error
-    except (ValueError, RecursionError) as error:
-        raise CruiseError(f"{place}: not TOML: {reason(error)}") from error
+        raise CruiseError(f"{shown(path)}: not UTF-8 text: byte {error.start} cannot be read") from error
 
 
 def _not_a_file(path: StrPath, kind: FileKind) -> str:

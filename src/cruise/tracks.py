@@ -1,6 +1,7 @@
 """The built-in tracks: the paper's two, and published ones that nobody here trains on."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -104,7 +105,7 @@ _DELFT = _published(
 )
 
 
-def _on_arc(gate: Gate, start: Vec3, yaw: float, places: tuple[int, ...]) -> tuple[StartPlace, ...]:
+def on_arc(gate: Gate, start: Vec3, yaw: float, places: Sequence[float]) -> tuple[StartPlace, ...]:
     """Places 1 m of arc apart on the level circle around a gate through `start`, turned along with it."""
     x, y = start[0] - gate.position_w[0], start[1] - gate.position_w[1]
     radius, bearing = math.hypot(x, y), math.atan2(y, x)
@@ -138,7 +139,7 @@ _UZH = replace(
     start_gate=0,
 )
 _UZH = replace(
-    _UZH, start=StartPlaces(_on_arc(_UZH.gates[0], (-5.0, 4.7, 0.61), math.radians(-45.0), (0, 1, 2, 3, -1, 4, -2, 5)))
+    _UZH, start=StartPlaces(on_arc(_UZH.gates[0], (-5.0, 4.7, 0.61), math.radians(-45.0), (0, 1, 2, 3, -1, 4, -2, 5)))
 )
 
 
@@ -183,32 +184,53 @@ _WALLED = _upenn(
 )
 
 
-def _lsy() -> Track:
-    """Level 2 of TU Munich's drone racing course, config/level2.toml of utiasDSL/lsy_drone_racing, as it is nominally.
+BODY = 0.07  # half width of the box that a drone collides as in TU Munich's course; here it is a point [m]
+
+
+def munich(name: str, gates: Sequence[tuple[Vec3, Vec3]], tops: Sequence[Vec3], starts: Sequence[StartPlace]) -> Track:
+    """A track of TU Munich's drone racing course, utiasDSL/lsy_drone_racing, as it is nominally.
 
     There a drone collides as a box of 0.14 x 0.14 x 0.04 m, here as a point: so everything solid is 0.07 m bigger here.
     Without that, openings are 0.4 m, their frames reach to 0.36 m from the centre, every gate stands on a box of 0.1 m
-    that ends 0.36 m under its centre, and poles have a radius of 15 mm and end 15 mm above the given height.
+    that ends 0.36 m under its centre, and poles have a radius of 15 mm and end 15 mm above their `tops`.
+
+    Args:
+        name: of the track.
+        gates: centre [m], and roll, pitch and yaw [rad].
+        tops: of the poles [m].
+        starts: where drones wait, on the ground.
     """
-    body = 0.07
-    rows = [(0.5, 0.25, 0.7, -0.78), (1.05, 0.75, 1.2, 2.35), (-1.0, -0.25, 0.7, 3.14), (0.0, -0.75, 1.2, 0.0)]
-    poles = [(0.0, 0.75), (1.0, 0.25), (-1.5, -0.25), (-0.5, -0.75)]
-    tops, side = [z - 0.36 + body for _, _, z, _ in rows], 0.1 + 2 * body
-    stands = [Wall((x, y, top / 2), (side, side, top), yaw) for (x, y, _, yaw), top in zip(rows, tops, strict=True)]
+    size, side, down = 0.4 - 2 * BODY, 0.1 + 2 * BODY, 0.36 - BODY
+    places = [centre for centre, _ in gates]
+    stands = [Wall((x, y, (z - down) / 2), (side, side, z - down), yaw) for (x, y, z), (_, _, yaw) in gates if z > down]
+    poles = [Pole((x, y, 0.0), z + 0.015 + BODY, 0.015 + BODY) for x, y, z in tops]
+    reach = [max(3.0, *(abs(place[axis]) + 1.5 for place in places)) for axis in range(2)]
     return Track(
-        "lsy-2",
-        tuple(Gate((x, y, z), yaw, 0.4 - 2 * body, 0.4 - 2 * body) for x, y, z, yaw in rows),
-        bounds_low=(-3.0, -3.0, 0.0),
-        bounds_high=(3.0, 3.0, 2.5),
+        name,
+        tuple(Gate(centre, yaw, size, size, roll, pitch) for centre, (roll, pitch, yaw) in gates),
+        bounds_low=(-reach[0], -reach[1], 0.0),
+        bounds_high=(reach[0], reach[1], max(2.5, *(place[2] + 1.0 for place in places))),
         laps=1,
-        frame_width=0.16 + 2 * body,
-        leave_distance=6.0,
-        obstacles=(*(Pole((x, y, 0.0), 1.565 + body, 0.015 + body) for x, y in poles), *stands),
-        start=StartPlaces((StartPlace((-1.5, 0.75, 0.01), 0.0),)),
+        frame_width=0.16 + 2 * BODY,
+        leave_distance=2 * max(reach),
+        obstacles=(*poles, *stands),
+        start=StartPlaces(tuple(starts)),
     )
 
 
+# Level 2, config/level2.toml, commit eb891d0.
+_LSY = munich(
+    "lsy-2",
+    [
+        ((0.5, 0.25, 0.7), (0.0, 0.0, -0.78)),
+        ((1.05, 0.75, 1.2), (0.0, 0.0, 2.35)),
+        ((-1.0, -0.25, 0.7), (0.0, 0.0, 3.14)),
+        ((0.0, -0.75, 1.2), (0.0, 0.0, 0.0)),
+    ],
+    [(0.0, 0.75, 1.55), (1.0, 0.25, 1.55), (-1.5, -0.25, 1.55), (-0.5, -0.75, 1.55)],
+    [StartPlace((-1.5, 0.75, 0.01), 0.0)],
+)
 PUBLISHED_TRACKS: dict[str, Track] = {
-    track.name: track for track in (_SPLIT_S, _A2RL, _DELFT, _UZH, _POWERLOOP, _WALLED, _lsy())
+    track.name: track for track in (_SPLIT_S, _A2RL, _DELFT, _UZH, _POWERLOOP, _WALLED, _LSY)
 }
 TRACKS: dict[str, Track] = PAPER_TRACKS | PUBLISHED_TRACKS

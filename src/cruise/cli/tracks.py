@@ -1,4 +1,4 @@
-"""`cruise tracks list | show NAME | check FILE | draw NAME | random`."""
+"""`cruise tracks list | show NAME | check FILE | draw NAME | import FILE | random`."""
 
 import math
 import sys
@@ -25,6 +25,7 @@ from cruise.racing.track_file import (
     track_warnings,
 )
 from cruise.racing.track_geometry import lap_length, segment_lengths
+from cruise.racing.track_import import import_track
 from cruise.racing.track_schema import shown
 
 TrackArgument = Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="NAME|FILE")]
@@ -105,6 +106,30 @@ class Draw:
 
 
 @dataclass(frozen=True)
+class Import:
+    """Make a track file of another program's: lsy_drone_racing (TOML), marl-racing or rpg_time_optimal (YAML)."""
+
+    file: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="FILE")]
+    """Its configuration or track."""
+    out: Annotated[Path, tyro.conf.arg(metavar="FILE.toml")]
+    """The track file to write."""
+    name: Annotated[str | None, tyro.conf.arg(metavar="NAME")] = None
+    """The track's name. By default that of the file."""
+    opening: float = 1.5
+    """Width and height of gates, where the file says only where they stand [m]."""
+
+    def run(self) -> int:
+        """Write the file, and say what is worth a word."""
+        check_output("--out", self.out, ".toml")
+        track = import_track(self.file, self.name, self.opening)
+        save_track(track, self.out)
+        for warning in track_warnings(track):
+            print(f"{shown(self.file)}: warning: {warning}", file=sys.stderr)
+        print(f"track {self.out}\n{_summary(track)}")
+        return 0
+
+
+@dataclass(frozen=True)
 class Random:
     """Draw a track at random that can be flown."""
 
@@ -142,6 +167,7 @@ class Tracks:
         | Annotated[Show, tyro.conf.subcommand("show")]
         | Annotated[Check, tyro.conf.subcommand("check")]
         | Annotated[Draw, tyro.conf.subcommand("draw")]
+        | Annotated[Import, tyro.conf.subcommand("import")]
         | Annotated[Random, tyro.conf.subcommand("random")]
     )
 
