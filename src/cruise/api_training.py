@@ -10,7 +10,7 @@ from cruise.pilots.neural import NeuralPilot
 from cruise.precision import single_precision
 from cruise.processor import use_wide_vectors
 from cruise.racing.random_track import training_track, unseen_tracks
-from cruise.racing.track_file import RANDOM
+from cruise.racing.track_file import RANDOM_KINDS
 from cruise.report.training_figure import draw_training
 from cruise.storage.policy_file import load_policy
 from cruise.training.devices import use_cores
@@ -61,7 +61,8 @@ def train(
 
 def finish_run(session: Session, episodes: int) -> Path:
     """Measure the policy of a run that has ended, write it with its results, draw the curves; give its path."""
-    track = unseen_tracks() if session.config.track == RANDOM else session.track  # never those it was trained on
+    kind = session.config.track
+    track = unseen_tracks(kind) if kind in RANDOM_KINDS else session.track  # never those it was trained on
     path = session.finish(lambda policy: evaluate_policy(policy, track, episodes))
     title = f"{session.track.name}, {session.config.drones} drones, seed {session.config.seed}"
     draw_training(read_metrics(session.folder), title, session.folder / CURVES)

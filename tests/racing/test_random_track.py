@@ -9,6 +9,7 @@ import pytest
 
 from cruise.config import Gate, Track, TrainConfig
 from cruise.errors import CruiseError
+from cruise.evaluation.matches import make_match, run_races
 from cruise.presets import PUBLISHED_TRACKS, TRACKS
 from cruise.racing.detours import BERTHS
 from cruise.racing.random_track import (
@@ -21,9 +22,11 @@ from cruise.racing.random_track import (
     training_track,
     unseen_tracks,
 )
-from cruise.racing.track_file import RANDOM, load_one_track, load_track, save_track, track_faults
+from cruise.racing.solids import outlines
+from cruise.racing.track_file import RANDOM, RANDOM_KINDS, load_one_track, load_track, save_track, track_faults
 from cruise.racing.track_geometry import lap_length
 from cruise.racing.ways import ways
+from cruise.storage.log_track import gates_of, solids_of
 from tests.racing.obstacles import distance
 
 DRAWN = [
@@ -148,6 +151,31 @@ def test_what_needs_one_track_refuses_many():
     with pytest.raises(CruiseError, match="a new track in every race"):
         load_one_track(RANDOM)
     assert load_one_track("ring") == TRACKS["ring"]
+
+
+def test_cluttered_variants_differ_in_tilt_and_solids_and_races_fly_them():
+    """Of each kind as many as the variant with most has; the rest lies where nobody flies, and in no log."""
+    track = random_tracks(0, 3, kind="random-cluttered")
+    assert len(set(track.variant_obstacles)) == len(set(track.variants)) == 3
+    assert all(len(solids) == RANDOM_KINDS["random-cluttered"][0] for solids in track.variant_obstacles)
+    logs = list(run_races(make_match(track, 1, "hover"), 6, seed=1))
+    flown = set()
+    for log in logs:
+        gates = gates_of(log)
+        (number,) = (
+            n
+            for n, known in enumerate(track.variants)
+            if np.allclose([g.position_w for g in known], [g.position_w for g in gates], atol=1e-5)
+        )
+        turns = [[(gate.pitch, gate.roll) for gate in some] for some in (gates, track.variants[number])]
+        np.testing.assert_allclose(*turns, atol=1e-5)
+        standing = [
+            sorted(solid.centre_w for solid in some)
+            for some in (solids_of(log), outlines(track.variant_obstacles[number]))
+        ]
+        np.testing.assert_allclose(*standing, atol=1e-5)
+        flown.add(number)
+    assert len(flown) > 1
 
 
 @pytest.mark.parametrize("track", PUBLISHED_TRACKS.values(), ids=str)

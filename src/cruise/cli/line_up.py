@@ -9,7 +9,7 @@ import tyro
 from cruise.config import OUR_SIMULATOR, Firmware, FirmwareSettings, Track
 from cruise.errors import CruiseError
 from cruise.presets import TRACKS
-from cruise.racing.track_file import RANDOM, load_track
+from cruise.racing.track_file import RANDOM_KINDS, load_track
 
 if TYPE_CHECKING:
     from cruise.evaluation.matches import Match
@@ -95,7 +95,7 @@ def usual_track(meta: "PolicyMeta | None" = None) -> Track:
     if meta.flown_on is not None:
         return meta.flown_on
     trained_on = meta.config.get("track", meta.track)
-    if meta.track in (*TRACKS, RANDOM):
+    if meta.track in (*TRACKS, *RANDOM_KINDS):
         return load_track(meta.track)
     if isinstance(trained_on, str) and Path(trained_on).is_file():
         track = load_track(trained_on)  # of a policy from before they kept their tracks

@@ -17,7 +17,7 @@ from cruise import geometry
 from cruise.config import Gate, Track, TrainConfig, Vec3
 from cruise.errors import CruiseError
 from cruise.racing.random_obstacles import MOST_OBSTACLES, with_obstacles
-from cruise.racing.track_file import RANDOM, load_track, track_faults
+from cruise.racing.track_file import RANDOM, RANDOM_KINDS, load_track, track_faults
 from cruise.racing.track_geometry import ACROSS, facing_away
 from cruise.racing.ways import Way, way_between
 
@@ -77,9 +77,9 @@ def random_track(
     raise CruiseError(f"no track of {gates} gates and difficulty {difficulty} was found from seed {seed}: try another")
 
 
-def unseen_tracks() -> Track:
-    """The random tracks on which policies are measured: `UNSEEN` of them, that no training sees."""
-    return random_tracks(0, UNSEEN)
+def unseen_tracks(kind: str = RANDOM) -> Track:
+    """The random tracks of a kind on which policies are measured: `UNSEEN` of them, that no training sees."""
+    return random_tracks(0, UNSEEN, kind=kind)
 
 
 def training_track(config: TrainConfig) -> Track:
@@ -88,17 +88,27 @@ def training_track(config: TrainConfig) -> Track:
     Raises:
         CruiseError: as `load_track` does.
     """
-    return random_tracks(config.seed + 1, TRAINING) if config.track == RANDOM else load_track(config.track)
+    if config.track in RANDOM_KINDS:
+        return random_tracks(config.seed + 1, TRAINING, kind=config.track)
+    return load_track(config.track)
 
 
 @functools.lru_cache(maxsize=4)
-def random_tracks(seed: int, number: int, gates: int = USUAL_GATES) -> Track:
-    """One track of `number` variants, of evenly rising difficulty, of which every race gets one."""
-    tracks = [random_track(SEEDS * seed + k, gates, (k + 0.5) / number) for k in range(number)]
-    every = _track("random", tuple(gate for track in tracks for gate in track.gates))
+def random_tracks(seed: int, number: int, gates: int = USUAL_GATES, kind: str = RANDOM) -> Track:
+    """One track of `number` variants, of evenly rising difficulty, of which every race gets one.
+
+    `kind` is one of `RANDOM_KINDS`.
+    """
+    solids, tilt = RANDOM_KINDS[kind]
+    tracks = [random_track(SEEDS * seed + k, gates, (k + 0.5) / number, solids, tilt) for k in range(number)]
+    every = _track(kind, tuple(gate for track in tracks for gate in track.gates))
     widest = max(track.leave_distance for track in tracks)
     return dataclasses.replace(
-        every, gates=tracks[0].gates, leave_distance=widest, variants=tuple(track.gates for track in tracks)
+        every,
+        gates=tracks[0].gates,
+        leave_distance=widest,
+        variants=tuple(track.gates for track in tracks),
+        variant_obstacles=tuple(track.obstacles for track in tracks) if solids else (),
     )
 
 

@@ -26,6 +26,10 @@ FRAME_WIDTH = 0.3  # default [m]
 SIZE = 2.0  # default width and height of an opening [m]
 LAPS = 3  # default
 RANDOM = "random"  # the name that stands for tracks drawn at random
+RANDOM_KINDS: dict[str, tuple[int, float]] = {  # obstacles, and largest roll and pitch of gates [rad]
+    RANDOM: (0, 0.0),
+    "random-cluttered": (6, 0.35),
+}
 MAX_SOLIDS = 200  # of a kind
 KIND = FileKind("track", TRACKS)
 TRACK_KEYS = {**schema.TRACK_KEYS, "start": schema.anything, **{kind.table: schema.anything for kind in KINDS}}
@@ -36,16 +40,16 @@ _POINT = re.compile(r"\[\n +(\S+),\n +(\S+),\n +(\S+),\n\]")  # as the writer sp
 def load_track(name_or_path: StrPath) -> Track:
     """Give a built-in track by name, or the track of a TOML file.
 
-    A built-in name wins over a file of that name; write `./ring` for the file. `random` is one of many: every race gets
-    a track of its own.
+    A built-in name wins over a file of that name; write `./ring` for the file. `random` and `random-cluttered` are
+    many: every race gets a track of its own.
 
     Raises:
         CruiseError: no such track, an unreadable file, or a faulty track; names the first faults.
     """
-    if name_or_path == RANDOM:
+    if isinstance(name_or_path, str) and name_or_path in RANDOM_KINDS:
         from cruise.racing.random_track import unseen_tracks  # noqa: PLC0415  (checks its tracks by this module)
 
-        return unseen_tracks()
+        return unseen_tracks(name_or_path)
     if isinstance(name_or_path, str) and name_or_path in TRACKS:
         return TRACKS[name_or_path]
     document = read_document(name_or_path)
@@ -55,7 +59,7 @@ def load_track(name_or_path: StrPath) -> Track:
 
 def is_name(name_or_path: StrPath) -> bool:
     """Whether this is a track's name, so that it means the same everywhere."""
-    return isinstance(name_or_path, str) and (name_or_path == RANDOM or name_or_path in TRACKS)
+    return isinstance(name_or_path, str) and (name_or_path in RANDOM_KINDS or name_or_path in TRACKS)
 
 
 def load_one_track(name_or_path: StrPath) -> Track:
@@ -64,8 +68,10 @@ def load_one_track(name_or_path: StrPath) -> Track:
     Raises:
         CruiseError: also where `name_or_path` stands for many tracks.
     """
-    if name_or_path == RANDOM:
-        raise CruiseError(f"{RANDOM} is a new track in every race: write one with `cruise tracks random --out FILE`")
+    if isinstance(name_or_path, str) and name_or_path in RANDOM_KINDS:
+        raise CruiseError(
+            f"{name_or_path} is a new track in every race: write one with `cruise tracks random --out FILE`"
+        )
     return load_track(name_or_path)
 
 
