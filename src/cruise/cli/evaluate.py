@@ -6,18 +6,21 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+import tyro
 from rich.table import Column, Table
 
 from cruise.cli.compilation import prepare_flight
 from cruise.cli.console import make_console
 from cruise.cli.line_up import LineUp, described
 from cruise.cli.outputs import check_output
+from cruise.errors import CruiseError
 
 if TYPE_CHECKING:
     from cruise.evaluation.statistics import Estimate
     from cruise.evaluation.summary import Evaluation
     from cruise.storage.race_log import RaceLog
 
+USUAL_EPISODES = 100
 MOST_SHOWN = 100  # races in a replay; more would make the page heavy
 
 
@@ -26,18 +29,28 @@ class Evaluate:
     """Measure pilots over many races, with confidence intervals."""
 
     line_up: LineUp = field(default_factory=LineUp)
-    episodes: int = 100
-    """Races, each from a fresh random start."""
+    episodes: Annotated[int | None, described("N")] = None
+    """Races, each from a fresh random start. By default 100; with --protocol those of every field, or fewer of them."""
     seed: int = 0
     """Seed of the starts, which are never those of training."""
     json: bool = False
     """Print one JSON object instead of a table."""
+    protocol: Annotated[str | None, described("NAME")] = None
+    """Measure as somebody else does, on their track from their starts: paper, uzh or lsy."""
+    pool: Annotated[tuple[str, ...], tyro.conf.UseAppendAction, described("NAME|PATH")] = ()
+    """With --protocol uzh: random line-ups of four out of these pilots. Repeatable."""
+    line_ups: Annotated[int | None, described("N")] = None
+    """How many line-ups. By default those of the protocol."""
     html: Annotated[Path | None, described("FILE")] = None
     """Where to write a 3-D replay that steps through the races, the first 100 of more."""
 
     def run(self) -> int:
         """Fly the races and print what they show."""
         check_output("--html", self.html, ".html")
+        if self.protocol is not None:
+            return self._by_protocol(self.protocol)
+        if self.pool or self.line_ups is not None:
+            raise CruiseError("--pool and --line-ups belong to a protocol: give --protocol uzh")
         prepare_flight()
         from cruise.evaluation.matches import evaluate_match  # noqa: PLC0415  (imports JAX)
 
@@ -47,7 +60,8 @@ class Evaluate:
             if self.html is not None and len(shown) < MOST_SHOWN:
                 shown.append(log)
 
-        evaluation = evaluate_match(self.line_up.match(), self.episodes, self.seed, keep)
+        episodes = USUAL_EPISODES if self.episodes is None else self.episodes
+        evaluation = evaluate_match(self.line_up.match(), episodes, self.seed, keep)
         self._write_replay(shown)
         if self.json:
             print(json.dumps(evaluation.to_dict(), indent=2, allow_nan=False))
@@ -58,6 +72,16 @@ class Evaluate:
             console.print(pilot_table(evaluation))
         if self.html is not None:
             print(f"replay   {self.html}")
+        return 0
+
+    def _by_protocol(self, name: str) -> int:
+        if self.html is not None:
+            raise CruiseError("--html shows races of one match, not those of a protocol: leave out one of them")
+        from cruise.cli.protocol import find_protocol, run_protocol, show_rows  # noqa: PLC0415
+
+        protocol = find_protocol(name, self.episodes)
+        prepare_flight()
+        show_rows(protocol, run_protocol(protocol, self.line_up, self.pool, self.line_ups, self.seed), self.json)
         return 0
 
     def _write_replay(self, logs: "list[RaceLog]") -> None:
