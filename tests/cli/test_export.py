@@ -29,7 +29,7 @@ def test_export(tmp_path, capsys):
 
 
 BAD = {
-    "nothing": ([], "nothing to write: give --onnx FILE.onnx, --c FILE.h, or both"),
+    "nothing": ([], "nothing to write: give --onnx FILE.onnx, --c FILE.h or --lsy FILE.py"),
     "network in c": (["--c", "p.h", "--network"], "--network is about the ONNX model"),
     "ending": (["--onnx", "p.txt"], "--onnx must name a .onnx file"),
     "header's ending": (["--c", "p.c"], "--c must name a .h file"),

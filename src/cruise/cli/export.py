@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Export:
-    """Write a policy as an ONNX model or as one C99 header, compared with the policy on recorded races."""
+    """Write a policy as an ONNX model, a C99 header or a controller, compared with the policy on recorded races."""
 
     policy: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="NAME|PATH")]
     """A shipped policy, a .safetensors file or the folder of a run. It says which vehicle it flies."""
@@ -26,6 +26,8 @@ class Export:
     """Write an ONNX model: state of all drones and gates in, action and what it commands out."""
     c: Annotated[Path | None, described("FILE")] = None
     """Write a C99 header that does the same, without any dependency."""
+    lsy: Annotated[Path | None, described("FILE.py")] = None
+    """Write a controller of the LSY drone racing course, one file that needs onnxruntime beside the course itself."""
     network: bool = False
     """Put the bare network into the ONNX model: the scaled observation in, the action in its frame out."""
     track: Annotated[str | None, described("NAME|FILE")] = None
@@ -37,12 +39,13 @@ class Export:
 
     def run(self) -> int:
         """Export, and print what was written and how near it comes to the policy."""
-        if self.onnx is None and self.c is None:
-            raise CruiseError("nothing to write: give --onnx FILE.onnx, --c FILE.h, or both")
+        if self.onnx is None and self.c is None and self.lsy is None:
+            raise CruiseError("nothing to write: give --onnx FILE.onnx, --c FILE.h or --lsy FILE.py")
         if self.network and self.onnx is None:
             raise CruiseError("--network is about the ONNX model: give --onnx FILE.onnx with it")
         check_output("--onnx", self.onnx, ".onnx")
         check_output("--c", self.c, ".h")
+        check_output("--lsy", self.lsy, ".py")
         prepare_flight()
         from cruise.export.files import Exporter  # noqa: PLC0415  (imports JAX)
         from cruise.pilots.terms_file import load_all_terms  # noqa: PLC0415
@@ -56,6 +59,8 @@ class Export:
             print(told(exporter.onnx(self.onnx, "observation" if self.network else "state", self.measure)))
         if self.c is not None:
             print(told(exporter.c(self.c, self.measure)))
+        if self.lsy is not None:
+            print(told(exporter.lsy(self.lsy)))
         return 0
 
 

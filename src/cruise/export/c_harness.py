@@ -72,15 +72,13 @@ int main(int argc, char **argv) {{
     return 0;
 }}
 """
-BY_ACCELERATION = {"attitude": "euler", "attitude_size": 3, "command": "acceleration", "command_size": 3}
-BY_THRUST_AND_RATES = {"attitude": "attitude", "attitude_size": 4, "command": "command", "command_size": 4}
 
 
 class CRun(NamedTuple):
     """What the compiled header gave for a recording."""
 
     action: np.ndarray  # [M, A]
-    command: np.ndarray  # [M, 3] acceleration in the world, or [M, 4] thrust per mass and body rates
+    command: np.ndarray  # [M, C] what it commands, `Commands.ports` one after the other
     self_test: float  # largest difference that it finds itself
     seconds_per_call: float | None  # where it was measured
 
@@ -97,8 +95,7 @@ def run_header(header: str, prefix: str, recording: Recording, folder: Path, mea
     Raises:
         CruiseError: there is no compiler, or it does not take the header.
     """
-    flown = BY_THRUST_AND_RATES if "attitude" in recording.inputs else BY_ACCELERATION
-    program = _compile(header, MAIN.format(p=prefix, P=prefix.upper(), **flown), folder)
+    program = _compile(header, MAIN.format(p=prefix, P=prefix.upper(), **_names(recording)), folder)
     rows = input_rows(recording)
     seconds = [str(SECONDS)] if measure else []
     done = subprocess.run(
@@ -110,6 +107,18 @@ def run_header(header: str, prefix: str, recording: Recording, folder: Path, mea
     size = recording.outputs["action"].shape[1]
     *took, self_test = (float(word) for word in done.stderr.split())
     return CRun(result[:, :size], result[:, size:], self_test, took[0] if took else None)
+
+
+def _names(recording: Recording) -> dict[str, str | int]:
+    """What the state and what is commanded are called, and of how many numbers they are."""
+    attitude = "attitude" if "attitude" in recording.inputs else "euler"
+    commanded = [values for name, values in recording.outputs.items() if name != "action"]
+    return {
+        "attitude": attitude,
+        "attitude_size": recording.inputs[attitude].shape[1],
+        "command": "acceleration" if "acceleration_w" in recording.outputs else "command",
+        "command_size": sum(values[:1].size for values in commanded),
+    }
 
 
 def _compile(header: str, main: str, folder: Path) -> Path:

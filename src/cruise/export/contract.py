@@ -13,8 +13,6 @@ from cruise.storage.onnx_file import FORMAT_VERSION, Contract, ExportedGate, Int
 from cruise.storage.policy_file import Policy
 from cruise.vehicles import find_vehicle
 
-COMMANDED = {"cascade": "acceleration", "rotors": "ctbr"}  # for which `ports.command` says what is commanded
-
 
 def export_env(policy: Policy, track: Track) -> RaceEnv:
     """The environment whose observation and action the exported policy has. Raises CruiseError if it cannot be had."""
@@ -30,10 +28,10 @@ def export_env(policy: Policy, track: Track) -> RaceEnv:
             "upright rectangles (--track)"
         )
     vehicle = find_vehicle(meta.vehicle)
-    if vehicle.control != COMMANDED[vehicle.flown_by]:
+    if not vehicle.told_directly:  # what its tracking loop remembers is no input of an exported model
         raise CruiseError(
-            f"policy {meta.name!r} flies vehicle {vehicle.name!r} by {vehicle.control}; exported are those that "
-            f"fly it by {COMMANDED[vehicle.flown_by]}"
+            f"policy {meta.name!r} flies vehicle {vehicle.name!r} by {vehicle.control}, a reference that is tracked: "
+            "exported are those that say what its own loop takes"
         )
     env = make_race_env(track, meta.drones, vehicle, meta.observation)
     policy.pilot().init(env, tuple(range(meta.drones)), standing(env))

@@ -15,6 +15,7 @@ from cruise.errors import CruiseError
 from cruise.export.c_harness import compiler, run_header
 from cruise.export.c_header import c_header, prefix_of
 from cruise.export.contract import export_env, make_contract
+from cruise.export.lsy import check_lsy, lsy_controller
 from cruise.export.onnx_policy import onnx_model
 from cruise.export.pilot_program import make_model
 from cruise.export.recording import Recording, record
@@ -67,15 +68,33 @@ class Exporter:
         Raises:
             CruiseError: a library is missing, the model does not do as the policy does, or the file cannot be written.
         """
+        data, difference = self._compared(interface)
+        inputs, wanted = self.expected(interface)
+        seconds = _time_onnx(data, inputs) if measure else None
+        write_atomically(Path(path), data)
+        return Exported(Path(path), len(data), difference, len(wanted["action"]), seconds)
+
+    def lsy(self, path: StrPath) -> Exported:
+        """Write a controller of the LSY drone racing course, the ONNX model within it.
+
+        Raises:
+            CruiseError: as `onnx` does, and where the course has no use for the policy.
+        """
+        check_lsy(self.policy)
+        model, difference = self._compared("state")
+        data = lsy_controller(self.policy, self.track, model).encode()
+        write_atomically(Path(path), data)
+        return Exported(Path(path), len(data), difference, len(self.recording.observation), None)
+
+    def _compared(self, interface: Interface) -> tuple[bytes, float]:
+        """An ONNX model and how far it is from the policy. Raises CruiseError where that is too far."""
         model = make_model(self.policy, self.env, interface)
         data = onnx_model(model, make_contract(self.policy, self.track, self.env, interface, model))
         session = load_runtime().InferenceSession(data, providers=["CPUExecutionProvider"])
         inputs, wanted = self.expected(interface)
         difference = _difference(session.run(["action"], inputs)[0], wanted["action"])
         _require_equal(difference, "the ONNX model")
-        seconds = _time_onnx(data, inputs) if measure else None
-        write_atomically(Path(path), data)
-        return Exported(Path(path), len(data), difference, len(wanted["action"]), seconds)
+        return data, difference
 
     def c(self, path: StrPath, measure: bool = False) -> Exported:
         """Write a C99 header; it is compiled and compared where there is a compiler.

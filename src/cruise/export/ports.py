@@ -1,12 +1,13 @@
 """Inputs and outputs of an exported pilot: names, shapes, units, frames; and what its actions command."""
 
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from cruise.actions import Action
 from cruise.dynamics.cascade import commanded_acceleration, velocity_error
-from cruise.dynamics.quadrotor import setpoint
 from cruise.env.observation import find_observation
 from cruise.env.race_env import RaceEnv
 from cruise.storage.onnx_file import Port
@@ -66,15 +67,32 @@ THRUST_AND_RATES = Commands(
 
 def commands_of(env: RaceEnv) -> Commands:
     """What the actions of the environment's vehicle mean."""
-    return ACCELERATION if env.dynamics.action_frame == "world" else THRUST_AND_RATES
+    told = {"acceleration": ACCELERATION, "ctbr": THRUST_AND_RATES}
+    return told.get(env.vehicle.control) or _as_declared(env.vehicle.action)
+
+
+def _as_declared(action: Action) -> Commands:
+    """Every number of an action in its unit."""
+    numbers = action.numbers
+    first = f"({', '.join(f'{number:.6g}' for number in action.neutral)}), which hovers, at first"
+    return Commands(
+        f"{', '.join(one.name for one in numbers)}, in [-1, 1]",
+        first,
+        tuple(Port(one.name, ("B",), "float32", one.unit, action.frame, one.meaning) for one in numbers),
+        *("command", "command"),
+        "What the action stands for:\n" + "\n".join(f" * {one.name} [{one.unit}]: {one.meaning}" for one in numbers),
+    )
 
 
 def command(env: RaceEnv, agility: float, values: dict[str, Array], action: Float[Array, "A *B"]) -> dict[str, Array]:
     """What the vehicle's loops make of an action; `values` is the state, by the names of the ports."""
     vehicle = env.vehicle
-    if vehicle.airframe is not None:
-        asked = setpoint(vehicle.airframe, action, agility)
-        return {"thrust": asked.thrust, "body_rates_b": jnp.stack(list(asked.rates_b))}
+    if vehicle.control != "acceleration":
+        numbers = replace(vehicle, agility=agility).action.numbers
+        asked = [one.low + (one.high - one.low) * (a + 1) / 2 for one, a in zip(numbers, action, strict=True)]
+        if vehicle.control == "ctbr":
+            return {"thrust": asked[0], "body_rates_b": jnp.stack(asked[1:])}
+        return {one.name: value for one, value in zip(numbers, asked, strict=True)}
     given = (action, values["previous_action"])
     error, before = (velocity_error(one, agility, vehicle.control_dt) for one in given)
     return {"acceleration_w": commanded_acceleration(vehicle, error, before, values["velocity_w"])}
@@ -111,7 +129,8 @@ def observation_port(size: int) -> Port:
 
 def network_action(observation: str, env: RaceEnv) -> Port:
     """Output of the bare network on a kind of observation."""
-    frame, turned, size = "body: collective thrust, roll, pitch and yaw rate", "", str(env.dynamics.action_size)
+    said = ", ".join(one.name.replace("_", " ") for one in env.vehicle.action.numbers)
+    frame, turned, size = f"body: {said}", "", str(env.dynamics.action_size)
     if env.dynamics.action_frame == "world":
         frame = NETWORK_FRAMES[find_observation(observation).action_frame == "gate"]
         turned = " only after it is turned into the world"

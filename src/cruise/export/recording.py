@@ -9,10 +9,10 @@ import numpy as np
 from jaxtyping import Array
 
 from cruise.config import Vehicle
-from cruise.dynamics.cascade import commanded_acceleration, velocity_error
-from cruise.dynamics.quadrotor import Memory, setpoint
+from cruise.dynamics.quadrotor import Memory
 from cruise.env.race_env import RaceEnv
 from cruise.env.types import RaceState
+from cruise.export.ports import command
 from cruise.pilots.neural import NeuralPilot
 from cruise.racing.course import Course
 from cruise.racing.field import all_opponents
@@ -66,7 +66,7 @@ def _fly(env: RaceEnv, pilot: NeuralPilot, key: Array) -> tuple[dict[str, Array]
             "observation": observation,
             "network": pilot.params.mean_action(observation),
             "action": action,
-        } | _command(vehicle, pilot.agility, state, action, previous)
+        } | command(env, pilot.agility, {"previous_action": previous, "velocity_w": state.drones.velocity_w}, action)
         after, _ = env.step(state, action, rules)
         kept = (_seen(state, previous), jax.tree.map(_users, wanted), state.airborne.T)
         return (after, action), kept
@@ -81,15 +81,6 @@ def _first_action(env: RaceEnv, start: RaceState) -> Array:
     if isinstance(memory, Memory):
         return memory.commands[0]
     return jnp.zeros((env.dynamics.action_size, env.num_drones, RACES))
-
-
-def _command(vehicle: Vehicle, agility: float, state: RaceState, action: Array, previous: Array) -> dict[str, Array]:
-    """What the vehicle's loops make of an action."""
-    if vehicle.airframe is not None:
-        asked = setpoint(vehicle.airframe, action, agility)
-        return {"thrust": asked.thrust, "body_rates_b": jnp.stack(list(asked.rates_b))}
-    error, before = (velocity_error(a, agility, vehicle.control_dt) for a in (action, previous))
-    return {"acceleration_w": commanded_acceleration(vehicle, error, before, state.drones.velocity_w)}
 
 
 def _some_absent(state: RaceState) -> RaceState:
