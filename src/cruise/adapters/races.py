@@ -44,6 +44,7 @@ class Races:
         self.choices, self.num_races, self.mode = choose(*self._asked), num_races, mode
         self._setup: Setup | None = None
         self._carry: Carry | None = None
+        self._pickled = False  # the races are NumPy's still
 
     def many(self, num_races: int) -> "Races":
         """So many of these races, before the first reset."""
@@ -59,7 +60,7 @@ class Races:
     def __setstate__(self, kept: dict[str, Any]) -> None:
         """As they were."""
         self.__init__(*kept["asked"], kept["num_races"], kept["mode"])  # type: ignore[misc]
-        self._carry = kept["carry"]
+        self._carry, self._pickled = kept["carry"], True
 
     @property
     def setup(self) -> Setup:
@@ -118,7 +119,8 @@ class Races:
         if self._carry is None:
             raise CruiseError("the environment was not reset: call reset() before step()")
         start_jax()
-        self._carry = jax.tree.map(jnp.asarray, self._carry)  # it may have come out of a pickle
+        if self._pickled:
+            self._carry, self._pickled = jax.tree.map(jnp.asarray, self._carry), False
         return self._carry
 
 
