@@ -409,8 +409,7 @@ class TrainConfig:
     step_scale: float = 1.0  # Multiplies the training steps of every stage.
     episode_steps: int = 300  # Time limit of a training episode, after which it is truncated [control steps].
     collision_distance: float = 0.4  # Distance at which two drones collide in training [m].
-    spread_starts: float = 0.0  # Share of races that start all along a track with a start of its own, at first.
-    final_spread_starts: float = 0.0  # Share of them at the end of the run; it changes linearly.
+    spread_starts: float = 0.0  # Share of training races that start all along a track which has a start of its own.
     checkpoint_seconds: float = 30.0  # Time between checkpoints [s].
     reward: RewardWeights = field(default_factory=RewardWeights)
     reward_terms: tuple[str, ...] = ()  # Names of more reward terms, of --terms files; all that those declare.

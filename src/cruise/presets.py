@@ -210,5 +210,7 @@ def _agile_recipe(vehicle: Vehicle, drones: int) -> TrainConfig:
             caution_distance=1.5,
         ),
         opponents=SelfPlayConfig(vary_field=True, sparring_share=0.2, evaluation_steps=1000),  # 20 s
+        # Alone, a drone flies on for 12 s and sees the whole of a track that it starts at one place of.
+        spread_starts=0.5 if drones > 1 else 0.0,
         randomisation=training_randomisation(vehicle, 0.5),
     )

@@ -48,7 +48,7 @@ class RaceEnv(NamedTuple):
     vehicle: Vehicle
     course: Course
     dynamics: Dynamics
-    reset: Callable[..., RaceState]  # (key, batch=(), gate=None, spread=None) -> state
+    reset: Callable[..., RaceState]  # (key, batch=(), gate=None, spread=0.0) -> state
     begin: Callable[..., RaceState]  # (start grid, conditions) -> state
     step: Callable[[RaceState, Array, Rules], tuple[RaceState, StepOutcome]]
     observe: Observe  # [O, N, *B], of the kind the environment was made with
@@ -96,7 +96,7 @@ def _freeze(frozen: Bool[Array, "N *B"], old: DroneState, new: DroneState) -> Dr
     return kept
 
 
-def _some_spread(course: Course, key: Array, start: Start, share: Array | float, plan: StartPlan | None) -> Start:
+def _some_spread(course: Course, key: Array, start: Start, share: float, plan: StartPlan | None) -> Start:
     """Each race with probability `share` from a spread start in place of `start`."""
     spread_key, chosen_key = jax.random.split(jax.random.fold_in(key, 1))
     drones, *batch = start.heading.shape
@@ -141,15 +141,13 @@ def make_race_env(
         counts = jnp.zeros(shape, jnp.int32)
         return RaceState(drones, gate, counts, none, none, counts[0], conditions.surroundings)
 
-    def reset(
-        key: Array, batch: tuple[int, ...] = (), gate: int | None = None, spread: Array | float | None = None
-    ) -> RaceState:
-        """`spread`: share of the races whose drones start all along the track; None: none."""
+    def reset(key: Array, batch: tuple[int, ...] = (), gate: int | None = None, spread: float = 0.0) -> RaceState:
+        """`spread`: share of the races whose drones start all along the track."""
         start_key, conditions_key = jax.random.split(key)
         conditions = perturb(conditions_key, (num_drones, *batch)) if perturb else AS_SAID
         here = _with_gates(env_course, conditions.surroundings)
         start = start_grid(here, start_key, num_drones, batch, gate, plan)
-        if spread is not None:
+        if spread:
             start = _some_spread(here, start_key, start, spread, along)
         return begin(start, conditions)
 

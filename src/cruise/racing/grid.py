@@ -57,23 +57,19 @@ def start_grid(
 def spread_start(
     course: Course, key: Array, num_drones: int, batch: tuple[int, ...] = (), plan: StartPlan | None = None
 ) -> Start:
-    """Random starts all along the track: one by one, each before a gate of its own, or several in file before a gate.
+    """Random starts all along the track: every drone in the middle before a gate of its own.
 
-    How many wait behind each other is drawn for every race, from as few as there are gates for to what the `plan` has
-    room for.
+    Where there are more drones than gates with room, by the `plan` of as many rows of one, they wait behind each other.
     """
-    gate_key, back_key, jitter_key, depth_key = jax.random.split(key, 4)
+    gate_key, back_key, jitter_key = jax.random.split(key, 3)
     jitter = jax.random.uniform(jitter_key, (3, num_drones, *batch), minval=-JITTER, maxval=JITTER)
     with_room = jnp.arange(course.num_gates) if plan is None else jnp.array(plan.gates)
     shuffled = with_room[jnp.argsort(jax.random.uniform(gate_key, (len(with_room), *batch)), axis=0)]
-    least = -(-num_drones // len(with_room))
-    depth = jax.random.randint(depth_key, batch, least, max(least, plan.rows if plan else 1) + 1)
-    row, place = jnp.divmod(jnp.arange(num_drones).reshape(-1, *(1,) * len(batch)), -(-num_drones // depth))
-    gates = jnp.take_along_axis(shuffled, place, axis=0)
+    row, place = jnp.divmod(jnp.arange(num_drones), len(with_room))
+    gates = shuffled[place]
     _, scale, farthest = _grid_of(gates, plan)
-    back = jax.random.uniform(back_key, gates.shape, minval=NEAREST, maxval=farthest)
-    first = jnp.take_along_axis(back, place, axis=0)  # of its file
-    back = first + row * (ROW_SPACING * scale)
+    first = jax.random.uniform(back_key, gates.shape, minval=NEAREST, maxval=farthest)[place]  # of its file
+    back = first + row.reshape(-1, *(1,) * len(batch)) * (ROW_SPACING * scale)
     return before_gates(course, gates, back, jnp.zeros_like(back), jitter)
 
 

@@ -40,7 +40,6 @@ GRIDS = tuple(
 
 
 FILE = Grid(lanes=1)  # one behind the other
-PAIR = 2  # drones in a file of training, where there is room
 
 
 class StartPlan(NamedTuple):
@@ -49,7 +48,6 @@ class StartPlan(NamedTuple):
     gates: tuple[int, ...]  # that may be the first
     grids: tuple[Grid, ...]  # by gate of the track; those of gates that have no room are never used
     places: tuple[tuple[Vec3, float], ...] = ()  # position and yaw, at least one per drone
-    rows: int = 1  # drones that can wait behind each other before each of `gates`
 
 
 def start_plan(track: Track, drones: int) -> StartPlan | None:
@@ -74,16 +72,16 @@ def start_plan(track: Track, drones: int) -> StartPlan | None:
 
 
 def spread_plan(track: Track, drones: int) -> StartPlan | None:
-    """Before which gates drones can wait in file: two of them, or as many as it takes for all to have a place.
+    """Before which gates drones can start in single file, as few behind each other as there is room for.
 
-    None, which stands for all gates and rows without end, where there is no room for so many.
+    None, which stands for all gates, where there is no room for so many.
     """
     anywhere = replace(track, start=None)
-    for rows in (*range(min(PAIR, drones), drones + 1), 1):
+    for rows in range(1, drones + 1):
         fits = [grid is not None for grid in grids_that_fit(anywhere, rows, (FILE,))]
         if rows * sum(fits) >= drones:
             gates = tuple(g for g, fit in enumerate(fits) if fit)
-            return StartPlan(gates, (FILE,) * len(track.gates), rows=rows)
+            return StartPlan(gates, (FILE,) * len(track.gates))
     return None
 
 

@@ -101,7 +101,7 @@ def draw(
     num_races: int,
     rollout_steps: int,
     vary_field: bool = False,
-    spread: Array | float | None = None,
+    spread: float = 0.0,
 ) -> Draws:
     """Starts and noise of one rollout. `spread`: share of the starts all along the track.
 

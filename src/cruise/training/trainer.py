@@ -105,6 +105,7 @@ class Trainer:
             num_races=ppo.races,
             rollout_steps=ppo.rollout_steps,
             vary_field=self.config.opponents.vary_field,
+            spread=self._spread,
         )
         draw_specs = over_races(jax.eval_shape(draw_all, jax.random.key(0)))
         specs, everywhere = state_specs(self.state_shape()), PartitionSpec()
@@ -118,24 +119,17 @@ class Trainer:
 
         def update(state: TrainState, rules: Rules, alone: Array) -> tuple[TrainState, dict[str, Array]]:
             key, draw_key, shuffle_key = jax.random.split(state.key, 3)
-            draws = jax.lax.with_sharding_constraint(
-                draw_all(draw_key, spread=self._spread(state.updates)), shardings(self.mesh, draw_specs)
-            )
+            draws = jax.lax.with_sharding_constraint(draw_all(draw_key), shardings(self.mesh, draw_specs))
             state, metrics = on_devices(state._replace(key=key), draws, rules, alone, shuffle_key)
             metrics["policy/norm"] = jnp.linalg.norm(flatten(state.model))
             return state, metrics
 
         return update
 
-    def _spread(self, updates: Array | int) -> Array | float | None:
-        """The share of starts all along the track after so many updates: it changes linearly. None: there are none.
-
-        Where the track does not say from where to start, starts are before every gate as it is.
-        """
-        first, last = self.config.spread_starts, self.config.final_spread_starts
-        if first == last == 0 or self.env.track.start is None:
-            return None
-        return first + (last - first) * updates / self.total_updates
+    @property
+    def _spread(self) -> float:
+        """The share of starts all along the track: none where they are before every gate as it is."""
+        return 0.0 if self.env.track.start is None else self.config.spread_starts
 
     def _make_evaluate(self) -> Callable[..., Score]:
         evaluate = make_evaluate(self.env, self.config.opponents)
@@ -157,7 +151,7 @@ class Trainer:
         """A fresh state: opponents equal to the active policy, episodes of random ages, which never end together."""
         model_key, race_key, age_key, key, sparring_key = run_keys(key)
         ppo, env = self.config.ppo, self.env
-        races = env.reset(race_key, (ppo.races,), spread=self._spread(0))
+        races = env.reset(race_key, (ppo.races,), spread=self._spread)
         model = ActorCritic(self._network_shape(races), ppo.initial_log_std, model_key)
         races = hide_opponents(races, jnp.asarray(self.phases[0].alone))
         races = races._replace(step=jax.random.randint(age_key, (ppo.races,), 0, self.config.episode_steps))
