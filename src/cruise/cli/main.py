@@ -77,6 +77,7 @@ COMMANDS = {
     "betaflight": Entry(
         "cruise.cli.betaflight", "Betaflight", "Say what the firmware of a drone must be set to, or check what it is."
     ),
+    "identify": Entry("cruise.cli.identify", "Identify", "Fit a vehicle to flight logs."),
     "observations": Entry(
         "cruise.cli.observations", "Observations", "List what policies may observe by, number by number."
     ),
