@@ -64,7 +64,7 @@ def test_a_circle_is_flown_at_the_speed_that_the_thrust_turns():
     track = Track("circle", gates, bounds_low=(-20.0, -20.0, 0.0), bounds_high=(20.0, 20.0, 20.0))
     problem = Problem(track, point_mass(thrust, gravity), margin=1.0 - 1e-3)
     speed = math.sqrt(radius * math.sqrt(thrust**2 - gravity**2))
-    lap = problem.solve(guess.line(track, problem.model, 6.0, 5))
+    lap = problem.solve(guess.line(problem, 6.0, 5))
     assert lap.time == pytest.approx(2 * math.pi * radius / speed, rel=0.003)
     np.testing.assert_allclose(np.linalg.norm(lap.state[:, VELOCITY], axis=1), speed, rtol=0.01)
 
