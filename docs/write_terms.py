@@ -16,6 +16,7 @@ VEHICLES_SHOWN = {
     "body": ("racer", "paper"),
     "body-near": ("racer",),
     "body-placed": ("racer",),
+    "body-far": ("racer",),
 }
 TRACK, DRONES = "ring", 2
 

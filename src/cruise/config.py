@@ -240,6 +240,7 @@ class Track:
     leave_distance: float = 10.0  # farther than this from every gate has left the track [m]
     variants: tuple[tuple[Gate, ...], ...] = ()  # other places of the same gates; where given, every race draws one
     variant_obstacles: tuple[tuple[Obstacle, ...], ...] = ()  # of each of the variants; none: `obstacles` of all
+    reshaped: bool = False  # and mirrors, turns round and stretches it, with openings of other sizes
     obstacles: tuple[Obstacle, ...] = ()
     start: Start | None = None  # None: a grid before a gate, by chance
     start_gate: int = 0  # index of the first gate to pass from `start`
@@ -305,6 +306,7 @@ class PPOConfig:
     after_crash: Literal["restart", "nothing"] = "restart"  # Value after a crash: of the restart, or 0.
     clip_ratio: float = 0.2  # Clip range of the probability ratio.
     value_weight: float = 0.5  # Weight of the value loss.
+    value_loss: Literal["absolute", "relative"] = "absolute"  # Relative: over the variance of the value targets.
     entropy_weight: float = 0.005  # Weight of the entropy bonus at the start.
     entropy_hold: float = 0.0  # Share of the run after which the entropy bonus begins to fall, linearly.
     entropy_end: float = 1.0  # Share of the run after which the entropy bonus is zero.
@@ -314,6 +316,7 @@ class PPOConfig:
     hidden: tuple[int, ...] = (64, 64)  # Units of each hidden layer.
     initial_log_std: float = -0.5  # Log standard deviation of the actions at the start.
     max_log_std: float = 0.0  # Largest log standard deviation; the environment clips actions to [-1, 1].
+    final_max_log_std: float = 0.0  # The same at the end of the run; it falls linearly.
     caution_distance: float = 5.0  # Exploration noise shrinks with an opponent nearer than this; 0: never [m].
     least_noise: float = 0.1  # Smallest factor by which an opponent nearby scales the exploration noise.
     company_distance: float = 0.0  # Steps with an opponent nearer get advantages normalised apart; 0: none [m].
@@ -397,7 +400,7 @@ class InSimulator:
 class TrainConfig:
     """Everything a training run depends on."""
 
-    track: str = "ring"  # Name of a built-in track, a TOML file, or `random`.
+    track: str = "ring"  # Name of a built-in track, a TOML file, `random`, or `any`.
     drones: int = 4  # Drones per race: the learner and its opponents.
     seed: int = 0  # Seed of all random numbers of the run.
     vehicle: str | Vehicle = "paper"  # Name of a built-in vehicle, a TOML file, or a vehicle of your own.
@@ -410,6 +413,7 @@ class TrainConfig:
     episode_steps: int = 300  # Time limit of a training episode, after which it is truncated [control steps].
     collision_distance: float = 0.4  # Distance at which two drones collide in training [m].
     spread_starts: float = 0.0  # Share of training races that start all along a track which has a start of its own.
+    retry_share: float = 0.0  # Share of crashes after which a race goes on from where its rollout began, not anew.
     checkpoint_seconds: float = 30.0  # Time between checkpoints [s].
     reward: RewardWeights = field(default_factory=RewardWeights)
     reward_terms: tuple[str, ...] = ()  # Names of more reward terms, of --terms files; all that those declare.

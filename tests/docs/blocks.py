@@ -40,7 +40,7 @@ WITH_OTHERS = "--coordinator"  # waits for the other processes: tests/training/t
 # parsed, and what they name is looked up.
 COSTLY = ("evaluate", "train")
 VALUES = {"--vehicle", "--track", "--drones", "--episodes", "--seed", "--step-scale"}
-ELSEWHERE = {"sweep", "fly", "betaflight", "companion"}  # want Ray, a person, firmware or a drone; tested elsewhere
+ELSEWHERE = {"sweep", "tune", "fly", "betaflight", "companion"}  # want Ray, a person, firmware, a drone
 
 
 class Block(NamedTuple):

@@ -1,6 +1,7 @@
 """Races that differ from what vehicle and track say: drawn as asked, and flown and seen as drawn."""
 
 import dataclasses
+from dataclasses import replace
 
 import jax
 import jax.numpy as jnp
@@ -10,7 +11,7 @@ import pytest
 from cruise.config import Gate, Randomisation
 from cruise.dynamics import quaternion
 from cruise.env.race_env import RaceEnv, make_race_env
-from cruise.env.randomise import NOISE, made_for, perturbation
+from cruise.env.randomise import LARGEST, NARROWER, NOISE, SMALLEST, made_for, perturbation
 from cruise.env.surroundings import Conditions, Gusts, Surroundings, gust_w, perceive
 from cruise.env.types import RaceState, race_rules
 from cruise.errors import CruiseError
@@ -304,6 +305,35 @@ def test_gates_of_a_variant_are_moved_too():
     drawn = np.moveaxis(np.asarray(course.position_w), 2, 0).swapaxes(1, 2)
     nearest = np.abs(drawn[:, None] - tables).max((2, 3)).min(1)
     assert 0 < nearest.min() <= nearest.max() <= 0.1 + 1e-5
+
+
+def test_a_reshaped_track_is_one_of_the_variants_mirrored_turned_round_and_stretched():
+    track = replace(random_tracks(0, 5), reshaped=True)
+    draw = perturbation(track, VEHICLES["racer"], Randomisation())
+    gates = draw(jax.random.key(0), (1, 64)).surroundings.gates
+    place, normal, size = (np.asarray(x, np.float64) for x in gates)
+    legs = [np.linalg.norm(np.diff([g.position_w[:2] for g in v + v[:1]], axis=0), axis=1) for v in track.variants]
+    openings = np.array([gate.width for gate in track.gates])
+    seen = set()
+    for race in range(64):
+        level = np.concatenate([place[:2, :, race], place[:2, :1, race]], axis=1).T
+        along = np.linalg.norm(np.diff(level, axis=0), axis=1)
+        fits = {
+            (variant, turned): (along[:-1][::-1].tolist() + along[-1:].tolist() if turned else along) / legs[variant]
+            for variant in range(5)
+            for turned in (False, True)
+        }
+        (variant, turned), ratio = min(fits.items(), key=lambda fit: np.ptp(fit[1][np.isfinite(fit[1])]))
+        ratio = ratio[np.isfinite(ratio)]
+        assert np.ptp(ratio) < 1e-3
+        assert ratio.mean() + 1e-3 >= SMALLEST
+        assert ratio.mean() - 1e-3 <= LARGEST
+        wider = 2 * size[0, :, race] / np.sqrt(ratio.mean()) / (openings[::-1] if turned else openings)
+        assert (wider > NARROWER - 1e-3).all()
+        np.testing.assert_allclose(np.linalg.norm(normal[:, :, race], axis=0), 1, atol=1e-6)
+        assert (place[2, :, race] >= size[1, :, race] - 1e-6).all()
+        seen.add((variant, turned))
+    assert len(seen) == 10
 
 
 def test_races_on_random_tracks_start_before_their_own_gates():

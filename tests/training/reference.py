@@ -62,7 +62,9 @@ def advantages(
     return result
 
 
-def ppo(parameters: dict[str, list], batch: Batch, clip: float, weights: tuple[float, float]) -> dict[str, float]:
+def ppo(
+    parameters: dict[str, list], batch: Batch, clip: float, weights: tuple[float, float], relative: bool = False
+) -> dict[str, float]:
     """Total loss and its parts. `parameters`: actor and critic layers, log_std; `weights`: of value and entropy."""
     observation, action, noise_scale, _, old, advantage, target = (np.float64(x) for x in batch[:7])
     log_std = np.asarray(parameters["log_std"])
@@ -75,6 +77,9 @@ def ppo(parameters: dict[str, list], batch: Batch, clip: float, weights: tuple[f
         "loss/value": 0.5 * np.mean((perceptron(parameters["critic"], observation)[0] - target) ** 2),
         "policy/entropy": sum(norm(scale=np.exp(s)).entropy() for s in log_std),
         "policy/kl": np.mean(ratio - 1 - np.log(ratio)),
+        "policy/clipped": np.mean(abs(ratio - 1) > clip),
     }
-    total = parts["loss/policy"] + weights[0] * 2 * parts["loss/value"] - weights[1] * parts["policy/entropy"]
+    parts["value/explained"] = 1 - 2 * parts["loss/value"] / target.var()
+    value_loss = parts["loss/value"] / (target.var() if relative else 1)
+    total = parts["loss/policy"] + weights[0] * 2 * value_loss - weights[1] * parts["policy/entropy"]
     return parts | {"loss": total}

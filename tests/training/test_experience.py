@@ -14,6 +14,7 @@ from cruise.training.experience import (
     draw,
     hide_opponents,
     make_collect,
+    or_from_here,
     thin_out,
 )
 from cruise.training.league import newest_fly
@@ -183,6 +184,17 @@ def test_a_thinned_out_field_has_every_number_of_opponents_as_often():
     assert not np.asarray(full.out).any()
     assert np.asarray(varied.out).any()
     np.testing.assert_array_equal(full.drones.position_w, varied.drones.position_w)
+
+
+def test_a_race_that_crashed_is_tried_again_from_where_the_rollout_began():
+    """Unless it was to begin anew there."""
+    state, start = busy_state(False), drawer()(jax.random.key(0)).start
+    retry = jnp.arange(RACES) % 2 == 0
+    chosen = or_from_here(start, state, retry)
+    here = np.asarray(retry & ~state.restart)
+    assert 0 < here.sum() < RACES / 2
+    for found, now, fresh in zip(*(jax.tree.leaves(tree) for tree in (chosen, state.races, start)), strict=True):
+        np.testing.assert_array_equal(found, np.where(here, now, fresh))
 
 
 def test_begin_again_takes_the_new_start_where_asked():

@@ -165,9 +165,15 @@ def test_a_time_limit_is_not_a_failure():
 
 def test_no_more_noise_than_allowed():
     """The entropy bonus alone would widen the policy for ever."""
-    config = replace(CONFIG, entropy_weight=1.0, max_log_std=0.1)
+    config = replace(CONFIG, entropy_weight=1.0, max_log_std=0.1, final_max_log_std=0.1)
     model = learned(one_step(bonus=1.0), config)
     np.testing.assert_allclose(model.log_std, 0.1, atol=1e-6)
+
+
+def test_less_and_less_noise_is_allowed():
+    config = replace(CONFIG, entropy_weight=1.0, entropy_hold=1.0, max_log_std=0.1, final_max_log_std=-2.0)
+    model = learned(one_step(bonus=1.0), config)
+    np.testing.assert_allclose(model.log_std, -2.0 + 2.1 / UPDATES, atol=1e-5)  # of the last update
 
 
 def test_without_a_reason_exploration_is_kept():

@@ -1,5 +1,7 @@
 """PPO's loss and its gradient against the transcription of `tests.training.reference`."""
 
+from dataclasses import replace
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -43,8 +45,8 @@ def parameters_of(model: ActorCritic) -> dict[str, list]:
     return networks | {"log_std": np.float64(model.log_std)}
 
 
-def transcribed(parameters: dict[str, list], batch: Batch) -> dict[str, float]:
-    return reference.ppo(parameters, batch, CONFIG.clip_ratio, (CONFIG.value_weight, ENTROPY_WEIGHT))
+def transcribed(parameters: dict[str, list], batch: Batch, relative: bool = False) -> dict[str, float]:
+    return reference.ppo(parameters, batch, CONFIG.clip_ratio, (CONFIG.value_weight, ENTROPY_WEIGHT), relative)
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -56,6 +58,13 @@ def test_loss_and_parts_are_the_transcription(seed):
     assert parts.keys() == expected.keys()
     for name, value in parts.items():
         assert float(value) == pytest.approx(expected[name], rel=1e-3, abs=1e-6), name
+
+
+def test_a_relative_value_loss_is_over_the_variance_of_its_targets():
+    model, config = a_model(), replace(CONFIG, value_loss="relative")
+    batch = a_batch(model)._replace(value_target=jnp.float32(100 * np.random.default_rng(3).normal(size=SAMPLES)))
+    loss, _ = ppo_loss(model, batch, config, jnp.asarray(ENTROPY_WEIGHT))
+    assert float(loss) == pytest.approx(transcribed(parameters_of(model), batch, relative=True)["loss"], rel=1e-4)
 
 
 def test_gradient_is_that_of_the_transcription():

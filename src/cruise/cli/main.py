@@ -63,6 +63,7 @@ COMMANDS = {
     "sim-to-sim": Entry("cruise.cli.sim_to_sim", "SimToSim", "Fly pilots unchanged in simulators that are not ours."),
     "tracks": Entry("cruise.cli.tracks", "Tracks", "List, show, check and draw tracks."),
     "limit": Entry("cruise.cli.limit", "FindLimit", "Compute the time-optimal lap of a vehicle on a track."),
+    "tune": Entry("cruise.cli.tune", "Tune", "Search for the settings of training, reward weights included."),
     "tune-planner": Entry(
         "cruise.cli.tune_planner", "TunePlanner", "Find how fast the SE-IBR planner can fly a track."
     ),

@@ -8,7 +8,7 @@ from jaxtyping import Array, Float, Int
 
 from cruise.dynamics import make_dynamics
 from cruise.dynamics.types import Dynamics
-from cruise.env.observation_body import BODY, BODY_NEAR, BODY_PLACED
+from cruise.env.observation_body import BODY, BODY_FAR, BODY_NEAR, BODY_PLACED
 from cruise.env.observation_extended import EXTENDED
 from cruise.env.observation_paper import PAPER
 from cruise.env.types import RaceState
@@ -18,7 +18,7 @@ from cruise.presets import VEHICLES
 from cruise.racing.course import Course
 from cruise.terms import Entry, Observation, Setting, Term, difference
 
-OWN = (EXTENDED, PAPER, BODY, BODY_NEAR, BODY_PLACED)
+OWN = (EXTENDED, PAPER, BODY, BODY_NEAR, BODY_PLACED, BODY_FAR)
 OBSERVATIONS = {one.name: one for one in OWN}  # and those that users add
 
 

@@ -20,18 +20,18 @@ from cruise.terms import Observation, Setting, Term
 CORNER_RANGE, SPEED_RANGE, HEIGHT_RANGE, OPPONENT_RANGE = 10.0, 10.0, 4.0, 5.0  # scales [m], [m/s]
 NEAREST = 3  # opponents that are seen
 NOTICE = {"body": math.inf, "body-near": 6.0}  # by name: farther away nobody is seen, within half of it all of him [m]
-GATES_AHEAD = 2
+GATES_AHEAD, GATES_FAR_AHEAD = 2, 4
 
 _term = functools.partial(Term, frame="body")
 
 
-def body_terms(setting: Setting, notice: float = math.inf) -> tuple[Term, ...]:
+def body_terms(setting: Setting, notice: float = math.inf, gates: int = GATES_AHEAD) -> tuple[Term, ...]:
     """In the order of the vector.
 
     With `notice` [m], opponents fade out with distance and are gone there: who leads by as much flies as if alone.
     """
     return (
-        *(_corner(ahead, corner) for ahead in range(GATES_AHEAD) for corner in range(len(CORNERS))),
+        *(_corner(ahead, corner) for ahead in range(gates) for corner in range(len(CORNERS))),
         _term("velocity", 3, "own velocity", "m/s", SPEED_RANGE, fn=lambda view: view.to_body(view.velocity_w)),
         _term("up", 3, "the world's up", fn=lambda view: view.rotation[2]),
         *(_felt(felt) for felt in setting.dynamics.internal),
@@ -107,4 +107,9 @@ BODY_PLACED = BODY.with_terms(
     Term("place", 3, "own position", "m", PLACE_RANGE, fn=lambda view: view.position_w),
     Term("heading", 2, "cosine and sine of the own yaw", fn=_heading),
     about="As `body`, with its place in the world: for one small track whose poles and walls a policy learns by heart.",
+)
+BODY_FAR = Observation(
+    "body-far",
+    functools.partial(body_terms, gates=GATES_FAR_AHEAD),
+    about="As `body`, with four gates ahead: for value networks, which judge what comes later.",
 )

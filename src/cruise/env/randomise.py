@@ -8,7 +8,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
+from jaxtyping import Array, Float
 
 from cruise.config import OF_BODY_AND_AIR, Gate, Randomisation, Track, Vehicle
 from cruise.dynamics.parameters import Parameters, physics_of, remembering
@@ -17,6 +17,9 @@ from cruise.errors import CruiseError
 from cruise.racing.solids import solid_tables
 
 NOISE = 0.5  # of a sensor's error, that is new at every step
+SMALLEST, LARGEST = 0.45, 1.3  # of a track that a race reshapes, times what it was
+NARROWER, WIDER = 0.7, 1.15  # of its openings, beside the root of that
+LEAST_HALF_SIZE = 0.4  # [m]
 SENSED = ("position_error", "velocity_error", "attitude_error", "rate_error")  # in the order of `SensorErrors`
 Shape = tuple[int, ...]
 # Fields of `Randomisation` by name, numbers or arrays over races [*B]; what is not there costs nothing.
@@ -140,16 +143,19 @@ def _gates(track: Track, strengths: Strengths, key: Array, races: Shape) -> Move
     variants = track.variants or (track.gates,)
     variant = jax.random.randint(variant_key, races, 0, len(variants))
     position, yaw = _standing(variants, variant)
+    half_size = None
+    if track.reshaped:
+        position, yaw, half_size = reshaped(track, position, yaw, jax.random.fold_in(key, 5))
     if moved:
         gates = len(track.gates)
         shift = strengths.get("gate_shift", 0.0) * jax.random.uniform(shift_key, (3, gates, *races), minval=-1.0)
         turn = strengths.get("gate_turn", 0.0) * jax.random.uniform(turn_key, (gates, *races), minval=-1.0)
         half_height = jnp.array([gate.height / 2 for gate in track.gates]).reshape(gates, *(1,) * len(races))
-        lowest = jnp.minimum(position[2], half_height)
+        lowest = jnp.minimum(position[2], half_height if half_size is None else half_size[1])
         position, yaw = (position + shift).at[2].max(lowest), yaw + turn
     tilt = _tilts(variants, variant, strengths.get("gate_tilt"), jax.random.fold_in(key, 3))
     solids = _solids(track, variant, strengths.get("solid_shift"), jax.random.fold_in(key, 4))
-    return MovedGates(position, jnp.stack([jnp.cos(yaw), jnp.sin(yaw)]), tilt=tilt, solids=solids)
+    return MovedGates(position, jnp.stack([jnp.cos(yaw), jnp.sin(yaw)]), half_size, tilt, solids)
 
 
 def _standing(variants: Variants, variant: Array) -> tuple[Array, Array]:
@@ -185,6 +191,31 @@ def _solids(track: Track, variant: Array, largest: Any, key: Array) -> dict[str,
         shift = jax.random.uniform(jax.random.fold_in(key, number), (2, *table.shape[1:]), minval=-1.0)
         tables[kind] = table.at[:2].add(largest * shift)
     return tables
+
+
+def reshaped(
+    track: Track, position: Float[Array, "3 G *B"], yaw: Float[Array, "G *B"], key: Array
+) -> tuple[Array, Array, Array]:
+    """Each race's track smaller or larger, half of them mirrored, half flown the other way; and half sizes [2, G, *B].
+
+    What could be flown still can be: a way through the gates is mirrored, reversed and stretched with them. Openings
+    shrink and grow with the track, and each by itself.
+    """
+    gates, *races = yaw.shape
+    scale_key, size_key, mirror_key, turn_key = jax.random.split(key, 4)
+    scale = jnp.exp(jax.random.uniform(scale_key, races, minval=math.log(SMALLEST), maxval=math.log(LARGEST)))
+    mirror = jnp.where(jax.random.bernoulli(mirror_key, 0.5, races), -1.0, 1.0)
+    turn = jax.random.bernoulli(turn_key, 0.5, races)
+    sizes = jnp.array([[gate.width / 2, gate.height / 2] for gate in track.gates]).T.reshape(
+        2, gates, *(1,) * len(races)
+    )
+    wider = jax.random.uniform(size_key, (1, gates, *races), minval=NARROWER, maxval=WIDER)
+    half_size = jnp.maximum(sizes * wider * jnp.sqrt(scale), LEAST_HALF_SIZE)
+    position = position * scale
+    position = jnp.stack([position[0], mirror * position[1], jnp.maximum(position[2], half_size[1])])
+    yaw = mirror * yaw
+    position, yaw, half_size = (jnp.where(turn, jnp.flip(x, -1 - len(races)), x) for x in (position, yaw, half_size))
+    return position, jnp.where(turn, yaw + math.pi, yaw), half_size
 
 
 def _gusts(strengths: Strengths, key: Array, races: Shape) -> Gusts | None:

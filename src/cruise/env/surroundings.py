@@ -28,7 +28,7 @@ class MovedGates(NamedTuple):
 
     position_w: Float[Array, "3 G *B"]  # [m]
     normal_w: Float[Array, "2 G *B"]
-    half_size: Float[Array, "2 G"] | None = None  # None: as on the track
+    half_size: Float[Array, "2 G *B"] | None = None  # None: as on the track
     tilt: Float[Array, "4 G *B"] | None = None  # as `Course.tilt`; None: as on the track
     solids: dict[str, Float[Array, "C S *B"]] | None = None  # as `Course.solids`; None: as on the track
 

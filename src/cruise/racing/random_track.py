@@ -17,7 +17,7 @@ from cruise import geometry
 from cruise.config import Gate, Track, TrainConfig, Vec3
 from cruise.errors import CruiseError
 from cruise.racing.random_obstacles import MOST_OBSTACLES, with_obstacles
-from cruise.racing.track_file import RANDOM, RANDOM_KINDS, load_track, track_faults
+from cruise.racing.track_file import ANY, RANDOM, RANDOM_KINDS, load_track, track_faults
 from cruise.racing.track_geometry import ACROSS, facing_away
 from cruise.racing.ways import Way, way_between
 
@@ -35,7 +35,7 @@ AWAY = 6.0  # farther from all gates than the way between two of them: has left 
 SAMPLES = 160  # of every way that is looked at, some 5 cm apart
 ATTEMPTS = 1000
 USUAL_GATES = 8
-UNSEEN, TRAINING = 100, 500
+UNSEEN, TRAINING, MANY = 100, 500, 1000
 SEEDS = 1000  # of the tracks of one seed of `random_tracks`
 FRAME_WIDTH = 0.3  # [m]
 STEEPEST_TILT = math.radians(60)
@@ -88,6 +88,8 @@ def training_track(config: TrainConfig) -> Track:
     Raises:
         CruiseError: as `load_track` does.
     """
+    if config.track == ANY:
+        return dataclasses.replace(random_tracks(config.seed + 1, MANY, kind=ANY), reshaped=True)
     if config.track in RANDOM_KINDS:
         return random_tracks(config.seed + 1, TRAINING, kind=config.track)
     return load_track(config.track)

@@ -26,8 +26,10 @@ FRAME_WIDTH = 0.3  # default [m]
 SIZE = 2.0  # default width and height of an opening [m]
 LAPS = 3  # default
 RANDOM = "random"  # the name that stands for tracks drawn at random
+ANY = "any"  # the same, and in training reshaped by every race
 RANDOM_KINDS: dict[str, tuple[int, float]] = {  # obstacles, and largest roll and pitch of gates [rad]
     RANDOM: (0, 0.0),
+    ANY: (0, 0.0),
     "random-cluttered": (6, 0.35),
 }
 MAX_SOLIDS = 200  # of a kind

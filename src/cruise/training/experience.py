@@ -23,6 +23,7 @@ class Draws(NamedTuple):
 
     start: RaceState  # [..., N, E]; a race that begins anew in this rollout begins here
     noise: Float[Array, "T A E"]  # white, of the actions
+    retry: Bool[Array, "E"]  # a race that crashes goes on from where this rollout began
 
 
 class Experience(NamedTuple):
@@ -69,6 +70,14 @@ def begin_again(races: RaceState, start: RaceState, restart: Bool[Array, "E"]) -
     return jax.tree.map(lambda new, old: jnp.where(restart, new, old), start, races)
 
 
+def or_from_here(start: RaceState, state: TrainState, retry: Bool[Array, "E"]) -> RaceState:
+    """Where a race that crashes begins again: at `start`, or with `retry` where it is now, a moment before the crash.
+
+    So what a race crashes in is tried again until it is flown, and hard places are met more often than easy ones.
+    """
+    return begin_again(start, state.races, retry & ~state.restart)
+
+
 def hide_opponents(races: RaceState, alone: Array) -> RaceState:
     """Where `alone`, the active drone flies without opponents: they never take off."""
     grounded = (jnp.arange(races.out.shape[0]) != ACTIVE)[:, None] & alone
@@ -102,16 +111,18 @@ def draw(
     rollout_steps: int,
     vary_field: bool = False,
     spread: float = 0.0,
+    retry: float = 0.0,
 ) -> Draws:
-    """Starts and noise of one rollout. `spread`: share of the starts all along the track.
+    """Starts and noise of one rollout. `spread`: share of the starts all along the track; `retry`: of second tries.
 
     One start per race: one that ends twice in a rollout begins at the same place twice, which costs nothing, where a
     fresh start for every race at every step would cost more than everything else together.
     """
-    start_key, noise_key, field_key = jax.random.split(key, 3)
+    start_key, noise_key, field_key, retry_key = jax.random.split(key, 4)
     noise = jax.random.normal(noise_key, (rollout_steps, env.dynamics.action_size, num_races))
     start = env.reset(start_key, (num_races,), spread=spread)
-    return Draws(thin_out(start, field_key) if vary_field else start, noise)
+    again = jax.random.uniform(retry_key, (num_races,)) < retry
+    return Draws(thin_out(start, field_key) if vary_field else start, noise, again)
 
 
 def make_collect(env: RaceEnv, config: TrainConfig) -> Collect:
@@ -125,6 +136,8 @@ def make_collect(env: RaceEnv, config: TrainConfig) -> Collect:
 
     def collect(state: TrainState, draws: Draws, rules: Rules, alone: Array) -> tuple[TrainState, Experience]:
         start = hide_opponents(draws.start, alone)
+        if config.retry_share:
+            start = or_from_here(start, state, draws.retry)
         model: ActorCritic = state.model
         std = jnp.exp(model.log_std)[:, None]
 

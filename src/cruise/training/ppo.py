@@ -93,18 +93,21 @@ def ppo_loss(
     log_ratio = new_log_prob - batch.log_prob
     policy_loss = clipped_surrogate(jnp.exp(log_ratio), batch.advantage, config.clip_ratio)
     value_loss = optax.l2_loss(value, batch.value_target).mean()
+    spread = batch.value_target.var() if config.value_loss == "relative" else 1.0
     entropy = (model.log_std + 0.5 * jnp.log(2 * jnp.pi * jnp.e)).sum()
-    loss = policy_loss + config.value_weight * 2 * value_loss - entropy_weight * entropy
+    loss = policy_loss + config.value_weight * 2 * value_loss / (spread + 1e-6) - entropy_weight * entropy
     metrics = {
         "loss/policy": policy_loss,
         "loss/value": value_loss,
+        "value/explained": 1.0 - 2 * value_loss / (batch.value_target.var() + 1e-6),
+        "policy/clipped": jnp.mean(jnp.abs(jnp.expm1(log_ratio)) > config.clip_ratio),
         "policy/entropy": entropy,
         "policy/kl": jnp.mean(jnp.expm1(log_ratio) - log_ratio),
     }
     return loss, metrics
 
 
-def _ceiling(model: ActorCritic, max_log_std: float) -> Float[Array, "P"]:
+def _ceiling(model: ActorCritic, max_log_std: Array) -> Float[Array, "P"]:
     """The largest value of every parameter: only the deviations have one.
 
     The environment clips actions, so that beyond some width more noise costs nothing, and the entropy bonus would widen
@@ -123,13 +126,14 @@ def make_learn(
     every device holds its own and the gradients are averaged.
     """
     exploration = exploration_schedule(config, total_updates)
+    widest = optax.linear_schedule(config.max_log_std, config.final_max_log_std, total_updates)
 
     def learn(state: TrainState, experience: Experience, shuffle_key: Array) -> tuple[TrainState, dict[str, Array]]:
         batch = make_batch(experience, config)
         minibatch_of, units = make_minibatches(batch, config, axis)
         entropy_weight = exploration(state.updates)
         parameters, unflatten = ravel_pytree(state.model)
-        most = _ceiling(state.model, config.max_log_std)
+        most = _ceiling(state.model, widest(state.updates))
 
         def loss(parameters: Array, minibatch: Batch) -> tuple[Array, dict[str, Array]]:
             return ppo_loss(unflatten(parameters), minibatch, config, entropy_weight)

@@ -106,6 +106,7 @@ class Trainer:
             rollout_steps=ppo.rollout_steps,
             vary_field=self.config.opponents.vary_field,
             spread=self._spread,
+            retry=self.config.retry_share,
         )
         draw_specs = over_races(jax.eval_shape(draw_all, jax.random.key(0)))
         specs, everywhere = state_specs(self.state_shape()), PartitionSpec()

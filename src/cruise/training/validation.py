@@ -51,7 +51,7 @@ def _faults(config: TrainConfig) -> Iterator[str]:
     yield from _not_positive(config, "step_scale", "collision_distance", "checkpoint_seconds")
     yield from _ppo_faults(config.ppo)
     yield from _opponent_faults(config.opponents)
-    yield from _not_shares(config, "milder_share", "nominal_share", "spread_starts")
+    yield from _not_shares(config, "milder_share", "nominal_share", "retry_share", "spread_starts")
     find_observation(config.observation)
     find_reward_terms(config.reward_terms)
     if config.critic_observation:
