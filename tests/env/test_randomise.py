@@ -311,15 +311,16 @@ def test_a_reshaped_track_is_one_of_the_variants_mirrored_turned_round_and_stret
     track = replace(random_tracks(0, 5), reshaped=True)
     draw = perturbation(track, VEHICLES["racer"], Randomisation())
     gates = draw(jax.random.key(0), (1, 64)).surroundings.gates
-    place, normal, size = (np.asarray(x, np.float64) for x in gates)
+    place, normal, size = (np.asarray(x, np.float64) for x in gates[:3])
     legs = [np.linalg.norm(np.diff([g.position_w[:2] for g in v + v[:1]], axis=0), axis=1) for v in track.variants]
     openings = np.array([gate.width for gate in track.gates])
     seen = set()
     for race in range(64):
         level = np.concatenate([place[:2, :, race], place[:2, :1, race]], axis=1).T
         along = np.linalg.norm(np.diff(level, axis=0), axis=1)
-        fits = {
-            (variant, turned): (along[:-1][::-1].tolist() + along[-1:].tolist() if turned else along) / legs[variant]
+        fits = {  # gates that stand one above the other have no leg
+            (variant, turned): (along[:-1][::-1].tolist() + along[-1:].tolist() if turned else along)
+            / np.where(legs[variant] > 0, legs[variant], np.nan)
             for variant in range(5)
             for turned in (False, True)
         }
