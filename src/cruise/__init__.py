@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from cruise.adapters.functional_agents import make
     from cruise.api import evaluate, load_policy, load_track, race, replay
     from cruise.api_training import train
-    from cruise.config import Firmware, InSimulator, Vehicle
+    from cruise.config import Firmware, InSimulator, Sensing, Vehicle
     from cruise.env.observation import find_observation
     from cruise.errors import CruiseError
     from cruise.pilots.terms_file import load_terms
@@ -24,6 +24,7 @@ __all__ = [
     "InSimulator",
     "Observation",
     "RewardTerm",
+    "Sensing",
     "Setting",
     "Term",
     "Vehicle",
@@ -49,6 +50,7 @@ _HOMES = {
     "InSimulator": "cruise.config",
     "Observation": "cruise.terms",
     "RewardTerm": "cruise.terms",
+    "Sensing": "cruise.config",
     "Setting": "cruise.terms",
     "Term": "cruise.terms",
     "find_observation": "cruise.env.observation",

@@ -2,9 +2,11 @@
 
 import os
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import get_args
 
-from cruise.config import InSimulator, Track
+from cruise.config import EXACT, InSimulator, Sensing, SensingKind, Track
 from cruise.errors import CruiseError
 from cruise.evaluation import matches
 from cruise.evaluation.pilot_choice import PilotChoice
@@ -22,14 +24,15 @@ TrackChoice = Track | str | os.PathLike[str]
 
 
 @single_precision
-def race(
+def race(  # noqa: PLR0913, PLR0917  (all that a race may be asked to be)
     track: TrackChoice = "ring",
     drones: int = 4,
     pilots: PilotChoice | Sequence[PilotChoice] | None = None,
     laps: int | None = None,
     seed: int = 0,
-    vehicle: VehicleChoice | InSimulator | None = None,
+    vehicle: VehicleChoice | InSimulator | Sequence[VehicleChoice] | None = None,
     randomise: float = 0.0,
+    sensing: Sensing | SensingKind = EXACT,
 ) -> RaceLog:
     """Fly one race from a random standing start and give its log.
 
@@ -41,10 +44,12 @@ def race(
             this track and number of drones.
         laps: by default the track's.
         seed: the same seed gives the same race.
-        vehicle: what all fly: a vehicle, the name of a built-in one, or the path of a TOML file. By default what the
-            pilots were made for, or `paper`; they also fly another vehicle whose actions mean the same, if you ask so.
-            `InSimulator("racer", "betaflight")` has it moved by another simulator, here by real firmware.
+        vehicle: what all fly: a vehicle, the name of a built-in one, or the path of a TOML file; or several, one per
+            drone, fewer taking turns. By default what the pilots were made for, or `paper`; they also fly another
+            vehicle whose actions mean the same, if you ask so. `InSimulator("racer", "betaflight")` has it moved by
+            another simulator, here by real firmware.
         randomise: how far the race differs from what vehicle and track say, as a share of `presets.RANDOMISATION`.
+        sensing: what drones know of gates, opponents and themselves: `exact`, `range`, `camera`, or a `cruise.Sensing`.
 
     Returns:
         The race as NumPy arrays; `log.save("race.npz")` keeps it.
@@ -53,18 +58,19 @@ def race(
         CruiseError: what was asked for does not exist or does not go together.
     """
     match = matches.make_match(_track(track), drones, pilots, laps, vehicle=vehicle, randomise=randomise)
-    return next(matches.run_races(match, 1, seed))
+    return next(matches.run_races(replace(match, sensing=_sensing(sensing)), 1, seed))
 
 
 @single_precision
-def evaluate(
+def evaluate(  # noqa: PLR0913, PLR0917  (as `race`)
     track: TrackChoice = "ring",
     drones: int = 4,
     pilots: PilotChoice | Sequence[PilotChoice] | None = None,
     episodes: int = 100,
     seed: int = 0,
-    vehicle: VehicleChoice | InSimulator | None = None,
+    vehicle: VehicleChoice | InSimulator | Sequence[VehicleChoice] | None = None,
     randomise: float = 0.0,
+    sensing: Sensing | SensingKind = EXACT,
 ) -> Evaluation:
     """Measure pilots over many races, each from a fresh random start.
 
@@ -76,6 +82,7 @@ def evaluate(
         seed: of the starts, which differ from those of training for every seed.
         vehicle: as for `race`.
         randomise: as for `race`.
+        sensing: as for `race`.
 
     Returns:
         Success, lap times, speeds, collisions and overtakes, each with mean, standard deviation and 95 % interval;
@@ -84,7 +91,8 @@ def evaluate(
     Raises:
         CruiseError: what was asked for does not exist or does not go together.
     """
-    return matches.evaluate(_track(track), drones, pilots, episodes, seed, vehicle, randomise)
+    match = matches.make_match(_track(track), drones, pilots, vehicle=vehicle, randomise=randomise)
+    return matches.evaluate_match(replace(match, sensing=_sensing(sensing)), episodes, seed)
 
 
 def replay(
@@ -111,6 +119,14 @@ def replay(
         raise CruiseError(f"a replay needs at least one race and a label for each, got {len(races)} and {len(names)}")
     write_replay(Path(path), races, names)
     return Path(path)
+
+
+def _sensing(choice: Sensing | SensingKind) -> Sensing:
+    if isinstance(choice, Sensing):
+        return choice
+    if choice not in get_args(SensingKind):
+        raise CruiseError(f"unknown sensing {choice!r}; there are {', '.join(get_args(SensingKind))}, or a Sensing")
+    return Sensing(choice)
 
 
 def _track(choice: TrackChoice) -> Track:

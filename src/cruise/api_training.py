@@ -61,9 +61,9 @@ def train(
 
 def finish_run(session: Session, episodes: int) -> Path:
     """Measure the policy of a run that has ended, write it with its results, draw the curves; give its path."""
-    kind = session.config.track
+    kind, sensing = session.config.track, session.config.sensing
     track = unseen_tracks(kind) if kind in RANDOM_KINDS else session.track  # never those it was trained on
-    path = session.finish(lambda policy: evaluate_policy(policy, track, episodes))
+    path = session.finish(lambda policy: evaluate_policy(policy, track, episodes, sensing=sensing))
     title = f"{session.track.name}, {session.config.drones} drones, seed {session.config.seed}"
     draw_training(read_metrics(session.folder), title, session.folder / CURVES)
     return path

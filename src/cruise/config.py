@@ -16,6 +16,7 @@ GateShape = Literal["rectangle", "round"]
 NetworkKind = Literal["mlp", "gru"]
 FirmwareSettings = Literal["matched", "stock"]
 SelfPlayMode = Literal["within", "after", "off"]
+SensingKind = Literal["exact", "range", "camera"]
 OUR_SIMULATOR = "cruise"  # what moves the drones where no other is named
 
 
@@ -334,6 +335,8 @@ class SelfPlayConfig:
     league: int = 0  # Number of past policies kept as opponents, in half of the races; 0: only the latest.
     founders: tuple[str, ...] = ()  # Policies (names or paths) that stay in the league from start to end.
     vary_field: bool = False  # Train in races of 1 to N drones, uniformly drawn, in place of N.
+    opponent_mass_spread: float = 0.0  # Largest relative difference of an opponent's mass, drawn for every race.
+    opponent_thrust_spread: float = 0.0  # Largest relative difference of an opponent's thrust, drawn for every race.
     evaluation_races: int = 100  # Races per evaluation, n_eval.
     evaluation_steps: int = 300  # Time limit of an evaluation race [control steps].
 
@@ -397,6 +400,31 @@ class InSimulator:
 
 
 @dataclass(frozen=True)
+class Sensing:
+    """What a drone knows of gates, opponents and itself; `docs/sensing.md` has the model. With `exact` it knows all.
+
+    Seeing a gate tells where it stands and, by it, where the drone is. Until a gate is seen it is where the map, or the
+    last sighting, has it; between sightings the position estimate drifts with the errors of the velocity estimate.
+    """
+
+    sensing: SensingKind = "exact"  # exact: all is known; range: what is near; camera: what is near and in view.
+    sensor_range: float = 15.0  # Nothing farther than this is seen [m].
+    camera_tilt: float = 0.52  # Of the optical axis above the body's forward axis [rad].
+    camera_width: float = 2.1  # Horizontal field of view [rad].
+    camera_height: float = 1.6  # Vertical field of view [rad].
+    sensor_rate: float = 30.0  # Looks per second, at most one per control step [Hz].
+    sensor_latency: float = 0.04  # From a look to what is known of it [s].
+    velocity_bias: float = 0.1  # Largest bias of the velocity estimate, per axis, for a whole race [m/s].
+    drift_share: float = 0.01  # Largest scale error of the velocity estimate, per axis, for a whole race.
+    fix_error: float = 0.05  # Standard deviation of the position that a sighting gives, per axis [m].
+    opponents_by: Literal["sight", "radio"] = "sight"  # Opponents out of sight are not known, or tell where they are.
+    radio_delay: float = 0.1  # From where an opponent is to where it is known to have been, by radio [s].
+
+
+EXACT = Sensing()
+
+
+@dataclass(frozen=True)
 class TrainConfig:
     """Everything a training run depends on."""
 
@@ -422,3 +450,4 @@ class TrainConfig:
     randomisation: Randomisation = field(default_factory=Randomisation)
     milder_share: float = 0.0  # Share of randomised training races whose randomisation is scaled by U(0, 1).
     nominal_share: float = 0.0  # Share of training races without randomisation.
+    sensing: Sensing = field(default_factory=Sensing)

@@ -10,8 +10,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from cruise.env.mixed import padded
 from cruise.env.race_env import RaceEnv
-from cruise.env.surroundings import MovedGates, perceive
+from cruise.env.surroundings import MovedGates, is_exact, perceive
 from cruise.env.types import Collisions, RaceState, Rules, race_rules
 from cruise.errors import CruiseError
 from cruise.pilots.base import Crew, Memory, Pilot, crews
@@ -66,11 +67,19 @@ class _Carry(NamedTuple):
 
 
 def team_rules(
-    team: Sequence[Pilot], collision_distance: float, gates_to_finish: int, batch: tuple[int, ...] = ()
+    team: Sequence[Pilot],
+    collision_distance: float | Sequence[float],
+    gates_to_finish: int,
+    batch: tuple[int, ...] = (),
 ) -> Rules:
-    """Rules of a real race in which every drone's actions have its own pilot's scale."""
-    agility = jnp.array([pilot.agility for pilot in team], jnp.float32).reshape(-1, *(1,) * len(batch))
-    return jax.tree.map(jnp.asarray, race_rules(agility, collision_distance, gates_to_finish))
+    """Rules of a real race in which every drone's actions have its own pilot's scale; it may have its own distance."""
+
+    def each(numbers: Sequence[float]) -> Array:
+        return jnp.array(numbers, jnp.float32).reshape(-1, *(1,) * len(batch))
+
+    agility = each([pilot.agility for pilot in team])
+    distance = each(collision_distance) if isinstance(collision_distance, Sequence) else collision_distance
+    return jax.tree.map(jnp.asarray, race_rules(agility, distance, gates_to_finish))
 
 
 def fly(
@@ -122,7 +131,7 @@ class RunningRace:
         if len(team) != env.num_drones:
             raise CruiseError(f"a race of {env.num_drones} drones needs {env.num_drones} pilots, not {len(team)}")
         self.env, self.rules, self.key = env, rules, key
-        self.crews, self._python = separate_python_pilots(env, crews(team))
+        self.crews, self._python = separate_python_pilots(env, crews(team, env.vehicles))
         self.chunk = 1 if self._python else chunk  # pilots in plain Python are asked between two steps
         self.memories: tuple = first_memories(env, self.crews, state)
         self._carry = _Carry(state, self.memories, jnp.int32(0))
@@ -202,7 +211,7 @@ def first_memories(env: RaceEnv, groups: tuple[Crew, ...], state: RaceState) -> 
         CruiseError: a pilot cannot fly in this environment.
     """
     measured = perceive(state)
-    return tuple(crew.pilot.init(env, crew.drones, measured) for crew in groups)
+    return tuple(crew.pilot.init(env.of_drones(crew.drones), crew.drones, measured) for crew in groups)
 
 
 def ask_python(pilots: PythonPilots, memories: tuple, state: RaceState) -> tuple:
@@ -211,7 +220,7 @@ def ask_python(pilots: PythonPilots, memories: tuple, state: RaceState) -> tuple
     Raises:
         CruiseError: as `PythonPilots.ask`.
     """
-    measured = state if state.surroundings.errors is None else _measured(state)
+    measured = state if is_exact(state) else _measured(state)
     return pilots.ask(measured, memories)
 
 
@@ -227,9 +236,10 @@ def act_together(
     actions: list[Array] = []
     order: list[int] = []
     for i, (crew, memory) in enumerate(zip(groups, memories, strict=True)):
-        memory, action = crew.pilot.act(env, crew.drones, memory, state, jax.random.fold_in(key, i))
+        own = env.of_drones(crew.drones)
+        memory, action = crew.pilot.act(own, crew.drones, memory, state, jax.random.fold_in(key, i))
         remembered.append(memory)
-        actions.append(action)
+        actions.append(action if own is env else padded(action, env.dynamics.action_size))
         order += crew.drones
     action = jnp.concatenate(actions, axis=1)
     return tuple(remembered), action if len(groups) == 1 else action[:, np.argsort(order)]

@@ -5,7 +5,7 @@ import json
 import pytest
 
 from cruise.cli.main import main
-from cruise.evaluation.robustness import cells
+from cruise.evaluation.robustness import cells, sensing_cells
 from cruise.presets import RANDOMISATION
 
 PAPER = ["robustness", "--track", "ring", "--pilot", "chaser", "--drones", "1", "--episodes", "1", "--seed", "2"]
@@ -25,9 +25,9 @@ def test_table_and_figure(capsys, tmp_path, monkeypatch):
 def test_json_has_every_cell(capsys):
     assert main([*PAPER, "--json"]) == 0
     found = json.loads(capsys.readouterr().out, parse_constant=pytest.fail)
-    table = cells(RANDOMISATION["paper"])
+    table = (*cells(RANDOMISATION["paper"]), *sensing_cells(RANDOMISATION["paper"], 1))
     assert [row["strength"] for row in found] == [cell.strength for cell in table]
-    assert {row["unit"] for row in found[1:]} == {"m", "of full"}
+    assert {row["unit"] for row in found[1:]} == {"m", "of full", "m/s", "ms"}
     assert found[0]["success_rate"]["mean"] == 1.0
     assert found[0]["flying_lap_time"]["mean"] == pytest.approx(27, abs=2)
 

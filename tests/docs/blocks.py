@@ -29,6 +29,7 @@ MINIATURE = {
     "racecraft": "--runs 1",
     "robustness": "--episodes 1",
     "sim-to-sim": "--episodes 1 --track ring",
+    "handicap": "--episodes 1 --track ring",
     "race": "--laps 1",
     "limit": "--steps 8",
     "reproduce": "--list",

@@ -9,7 +9,16 @@ import pytest
 from cruise.config import Randomisation
 from cruise.errors import CruiseError
 from cruise.evaluation.matches import make_match, run_races
-from cruise.evaluation.robustness import KINDS, STRENGTHS, _by_cell, cells, measure_robustness
+from cruise.evaluation.robustness import (
+    KINDS,
+    SENSED_KINDS,
+    STRENGTHS,
+    _by_cell,
+    _sensors_by_cell,
+    cells,
+    measure_robustness,
+    sensing_cells,
+)
 from cruise.presets import RANDOMISATION, TRACKS
 from cruise.storage.race_log import EventKind
 
@@ -31,11 +40,27 @@ def test_every_field_has_a_kind_and_every_cell_is_that_kind_alone() -> None:
     np.testing.assert_allclose([offset["mass_spread"][heavier], table[heavier].value], [0.2, 20.0])
 
 
+def test_every_way_not_to_know_the_race_has_its_own_number_scaled() -> None:
+    full = RANDOMISATION["racer"]
+    table = sensing_cells(full, drones=2)
+    assert len(table) == len(STRENGTHS) * len(SENSED_KINDS)
+    assert len(sensing_cells(full, drones=1)) == len(table) - len(STRENGTHS)  # nobody there to be told of
+    numbers = _sensors_by_cell(table, 0.02).numbers
+    found = {cell.kind.name: [] for cell in table}
+    for place, cell in enumerate(table):
+        found[cell.kind.name].append((numbers["bias"][place], numbers["latency"][place], numbers["radio_delay"][place]))
+    np.testing.assert_allclose([x for x, _, _ in found["camera, velocity biased, up to"]], [0.15, 0.3, 0.45, 0.6])
+    assert [x for _, x, _ in found["camera, late by"]] == [2, 5, 8, 10]
+    assert [x for _, _, x in found["opponents told by radio, late by"]] == [5, 10, 15, 20]
+    chance, _ = _by_cell(full, table)
+    assert {name for name, values in chance.items() if values[0]} == {"gate_shift", "gate_turn"}
+
+
 def test_a_heavier_drone_laps_more_slowly_and_nothing_is_as_the_vehicle_says() -> None:
     """A chaser whose thrust is limited: its laps at each mass, and those of a plain evaluation."""
     match = make_match(RING, 1, "chaser", laps=1, vehicle="racer")
     points = list(measure_robustness(match, 2, seed=3))
-    assert len(points) == len(cells(RANDOMISATION["racer"]))
+    assert len(points) == len(cells(RANDOMISATION["racer"])) + len(sensing_cells(RANDOMISATION["racer"], 1))
     assert points[0].cell.strength == 0
     assert all(0 <= point.success_rate.mean <= 1 for point in points)
     assert points[0].success_rate.mean == 1.0

@@ -5,7 +5,7 @@ import jax
 import numpy as np
 import pytest
 
-from cruise.config import Randomisation
+from cruise.config import Randomisation, Sensing
 from cruise.env.race_env import RaceEnv, make_race_env
 from cruise.env.randomise import NOISE, perturbation
 from cruise.export.files import Exporter
@@ -116,15 +116,60 @@ def test_what_a_pilot_remembers_of_the_start_is_measured_too(flights):
     np.testing.assert_allclose(believed(flights["memory"])[0], believed(flights["jax"])[0], atol=1e-4)
 
 
+class GateInJax(InJax):
+    """Its action tells where it believes the first gate to be."""
+
+    def act(self, env, drones, memory, state, key):
+        return memory, rows(env.course_of(state).position_w[:, 0], drones, axis=1) / SCALE
+
+
+class GateInPython:
+    """So does this one's."""
+
+    agility = 0.1
+
+    def act(self, view):
+        return view.gates.position_w[0] / SCALE
+
+
+class GatesAtOnce(GateInPython):
+    act = None
+
+    def act_batch(self, view):
+        return view.gates.position_w[:, 0] / SCALE
+
+
+BY_SIGHT = perturbation(EIGHT, PAPER, Randomisation(gate_shift=1.0), sensing=Sensing("range", sensor_range=9.0))
+
+
+def test_pilots_of_every_kind_believe_in_the_same_gates():
+    """Seen by some drones and not by others, in the same races."""
+    env = make_race_env(EIGHT, 2, PAPER, perturb=BY_SIGHT)
+    pilots = (GateInJax(), wrap(GateInPython), wrap(GatesAtOnce))
+    flights = []
+    for pilot in pilots:
+        rules = team_rules([pilot] * 2, 0.0, 0, (RACES,))
+        flights.append(fly(env, [pilot] * 2, rules, jax.random.key(3), STEPS, (RACES,)))
+    first, *others = (flight.action * SCALE for flight in flights)
+    for other in others:
+        np.testing.assert_allclose(other, first, atol=1e-4)
+    true, mapped = flights[0].moved.position_w[:, 0][:, None], np.array(EIGHT.gates[0].position_w)[:, None, None]
+    knows, knows_not = (np.abs(first[-1] - where).max(axis=0) < 1e-4 for where in (true, mapped))
+    assert (knows ^ knows_not).all()
+    assert 0 < knows.mean() < 1
+
+
 @pytest.mark.parametrize("interface", ["state", "observation"])
 def test_an_exported_policy_sees_what_the_policy_sees(interface, tmp_path):
     policy = policy_of("alone")
     path = Exporter.of(policy, EIGHT).onnx(tmp_path / "policy.onnx", interface).path
-    env, actions = env_of(EIGHT, 1), []
-    for pilot in (policy.pilot(), load_onnx_pilot(path, 10.0)):
-        rules = team_rules([pilot], 0.25, 0, (RACES,))
-        actions.append(fly(env, [pilot], rules, jax.random.key(3), STEPS, (RACES,)).action)
-    np.testing.assert_allclose(*actions, atol=1e-3)
+    by_sight = make_race_env(EIGHT, 1, PAPER, perturb=BY_SIGHT)
+    for env in (by_sight, env_of(EIGHT, 1)):
+        actions = []
+        for pilot in (policy.pilot(), load_onnx_pilot(path, 10.0)):
+            rules = team_rules([pilot], 0.25, 0, (RACES,))
+            actions.append(fly(env, [pilot], rules, jax.random.key(3), STEPS, (RACES,)).action)
+        np.testing.assert_allclose(*actions, atol=1e-3)
     exact = make_race_env(EIGHT, 1, PAPER)
     rules = team_rules([policy.pilot()], 0.25, 0, (RACES,))
     nominal = fly(exact, [policy.pilot()], rules, jax.random.key(3), STEPS, (RACES,)).action

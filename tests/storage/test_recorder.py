@@ -36,7 +36,7 @@ def meeting(start: np.ndarray, end: np.ndarray) -> Flight:
 def test_two_drones_collide_when_one_enters_the_others_ellipsoid(axis: int, aspect: float) -> None:
     """From 1 m before to 1 m behind: at a semi-axis of 0.25 m to the side, aspect times that from above."""
     way = np.eye(3)[axis]
-    info = RaceInfo(TRACKS["ring"], 1, "racer", 0.25, ("a", "b"), aspect)
+    info = RaceInfo(TRACKS["ring"], 1, ("racer",), 0.25, ("a", "b"), aspect)
     [log] = race_logs(meeting(way, -way), info)
     semi_axis = 0.25 * (aspect if axis == 2 else 1.0)
     hits = log.event_kind == EventKind.COLLISION_DRONE

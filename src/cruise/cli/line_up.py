@@ -1,12 +1,12 @@
 """Who races where: the flags that `cruise race` and `cruise evaluate` share."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from cruise.config import OUR_SIMULATOR, Firmware, FirmwareSettings, Track
+from cruise.config import OUR_SIMULATOR, Firmware, FirmwareSettings, Sensing, Track
 from cruise.errors import CruiseError
 from cruise.presets import TRACKS
 from cruise.racing.track_file import RANDOM_KINDS, load_track
@@ -39,9 +39,9 @@ class LineUp:
     """Flies one drone: a policy as above, an exported .onnx file, one of chaser, hover, se-ibr and se-ibr-tuned, or a
     pilot of your own in Python, as FILE.py:NAME or MODULE:NAME, whose code is run. Repeat it, once per drone; fewer
     take turns."""
-    vehicle: Annotated[str | None, described("NAME|FILE")] = None
+    vehicle: Annotated[tuple[str, ...], tyro.conf.UseAppendAction, described("NAME|FILE")] = ()
     """What all of them fly: a built-in vehicle (`cruise vehicles` lists them), or path of a TOML file. By default what
-    the pilots were made for, or paper."""
+    the pilots were made for, or paper. Repeat it for a mixed field, once per drone as --pilot; fewer take turns."""
     terms: Annotated[tuple[Path, ...], tyro.conf.UseAppendAction, described("FILE.py")] = ()
     """Python file that declares observations of your own, which a policy observes by; its code is run. Repeatable."""
     randomise: Annotated[float, described("SHARE")] = 0.0
@@ -55,6 +55,7 @@ class LineUp:
     """Output of `diff all` of a real drone: the firmware is set as that is."""
     budget_ms: float = 10_000.0
     """Time for each action of a pilot in Python; one that takes longer ends the race with an error [ms]."""
+    sensing: Sensing = field(default_factory=Sensing)
 
     def match(self, laps: int | None = None) -> "Match":
         """The match that the flags describe. Raises CruiseError where they do not go together."""
@@ -67,9 +68,10 @@ class LineUp:
         choices = [self.policy] if self.policy is not None else list(self.pilot)
         metas = _metas(choices)
         track = load_track(self.track) if self.track is not None else usual_track(*metas[:1])
-        drones = self.drones if self.drones is not None else _usual_drones(metas, choices)
-        match = make_match(track, drones, choices or None, laps, self.budget_ms / 1e3, self.vehicle, self.randomise)
-        return replace(match, simulator=self.simulator, firmware=self.firmware())
+        drones = self.drones if self.drones is not None else _usual_drones(metas, choices, len(self.vehicle))
+        vehicle = self.vehicle or None
+        match = make_match(track, drones, choices or None, laps, self.budget_ms / 1e3, vehicle, self.randomise)
+        return replace(match, simulator=self.simulator, firmware=self.firmware(), sensing=self.sensing)
 
     def firmware(self) -> Firmware:
         """How the firmware is set. Raises CruiseError where its file is no output of `diff all`."""
@@ -104,9 +106,9 @@ def usual_track(meta: "PolicyMeta | None" = None) -> Track:
     raise CruiseError(f"policy {meta.name!r} was trained on track {meta.track!r}, not a built-in one: give its --track")
 
 
-def _usual_drones(metas: "list[PolicyMeta]", choices: list[str]) -> int:
+def _usual_drones(metas: "list[PolicyMeta]", choices: list[str], vehicles: int) -> int:
     from cruise.env.observation import for_any_field  # noqa: PLC0415  (imports JAX)
 
-    if len(choices) > 1 and all(for_any_field(meta.observation) for meta in metas):
-        return len(choices)
+    if max(len(choices), vehicles) > 1 and all(for_any_field(meta.observation) for meta in metas):
+        return max(len(choices), vehicles)
     return metas[0].drones if metas else DEFAULT_DRONES

@@ -60,6 +60,9 @@ COMMANDS = {
         "cruise.cli.robustness", "Robustness", "Measure pilots when vehicle, air, gates or sensors are off."
     ),
     "racecraft": Entry("cruise.cli.racecraft", "Racecraft", "Fly pilots through situations with known answers."),
+    "handicap": Entry(
+        "cruise.cli.handicap", "MeasureHandicap", "Measure how often a drone with more thrust gets past one with less."
+    ),
     "sim-to-sim": Entry("cruise.cli.sim_to_sim", "SimToSim", "Fly pilots unchanged in simulators that are not ours."),
     "tracks": Entry("cruise.cli.tracks", "Tracks", "List, show, check and draw tracks."),
     "limit": Entry("cruise.cli.limit", "FindLimit", "Compute the time-optimal lap of a vehicle on a track."),

@@ -109,7 +109,7 @@ def result_table(log: "RaceLog", result: "RaceResult") -> Table:
         mine = result.drones[drone]
         laps_flown = max(0, mine.gates_passed - 1) // log.num_gates
         measured = (f"{laps_flown}", seconds(mine.finish_time), seconds(mine.best_lap), f"{mine.top_speed:.2f} m/s")
-        table.add_row(str(rank), str(drone + 1), str(log.pilots[drone]), *measured, mine.fate)
+        table.add_row(str(rank), str(drone + 1), log.names[drone], *measured, mine.fate)
     return table
 
 

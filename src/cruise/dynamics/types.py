@@ -88,6 +88,7 @@ class Dynamics(NamedTuple):
     internal: tuple[Term, ...]
     track: Callable[[DroneState, Reference, Array | float], Array]
     induced_air: Callable[[DroneState, Bool[Array, "N *B"]], Array] | None = None  # moved by the other drones [m/s]
+    groups: tuple[tuple[int, ...], ...] | None = None  # drones by vehicle in a mixed field: see `cruise.env.mixed`
 
     @property
     def action_size(self) -> int:

@@ -7,7 +7,7 @@ export takes them as few operations on whole arrays.
 
 import functools
 import operator
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -39,11 +39,23 @@ class Opponent(NamedTuple):
 def opponent_of(view: "View", number: int) -> Opponent:
     """Opponent `number` of every drone, 1 to N - 1: drone (i + number) mod N for drone i."""
     position, velocity = view.position_w, view.velocity_w
+    if view.state.opponents is not None:
+        return _perceived(view, number - 1)
     if is_plain():
         offset, motion, present = view.shared(_everyone)
         return Opponent(offset[:, number - 1], motion[:, number - 1], present[number - 1])
     offset, motion = (field.opponent(vector, number, 1) - vector for vector in (position, velocity))
     return Opponent(offset, motion, field.opponent(view.airborne, number, 0))
+
+
+def _perceived(view: "View", place: Any) -> Opponent:
+    """Opponents in a place of `RaceState.opponents`, or in all of them: those that are not known are not present."""
+    known = view.state.opponents
+    assert known is not None
+    own = view.position_w, view.velocity_w
+    if not isinstance(place, int):
+        own = own[0][:, None], own[1][:, None]
+    return Opponent(known.position_w[:, place] - own[0], known.velocity_w[:, place] - own[1], known.present[place])
 
 
 def _everyone(view: "View") -> Opponent:
@@ -108,6 +120,8 @@ def nearest(view: "View", place: int) -> Opponent:
 
 def _all_opponents(view: "View") -> Opponent:
     """Opponents 1 to N - 1 along an axis before that of the drones."""
+    if view.state.opponents is not None:
+        return _perceived(view, slice(None))
     offset, motion = (field.all_opponents(own, 1) - own[:, None] for own in (view.position_w, view.velocity_w))
     return Opponent(offset, motion, field.all_opponents(view.airborne, 0))
 

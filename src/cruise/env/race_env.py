@@ -2,14 +2,16 @@
 
 import functools
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from cruise.config import Randomisation, RewardWeights, Track, Vehicle
-from cruise.dynamics import DroneState, Dynamics, make_dynamics
+from cruise.dynamics import DroneState, Dynamics
+from cruise.env.mixed import Fleet, Group, each_of, groups_of, make_mixed
 from cruise.env.observation import (
     OBSERVATIONS,
     action_decoder,
@@ -19,6 +21,7 @@ from cruise.env.observation import (
 )
 from cruise.env.payment import Reward, make_reward
 from cruise.env.randomise import perturbation
+from cruise.env.sensing import Gates, Sensed, sensed_after, settled
 from cruise.env.step_events import Flown, in_order
 from cruise.env.step_view import StepView
 from cruise.env.surroundings import AS_SAID, Conditions, Surroundings, gust_w
@@ -45,7 +48,7 @@ class RaceEnv(NamedTuple):
 
     num_drones: int
     track: Track
-    vehicle: Vehicle
+    vehicle: Vehicle  # of all drones; in a mixed field of the first, or of those whose pilot is asked
     course: Course
     dynamics: Dynamics
     reset: Callable[..., RaceState]  # (key, batch=(), gate=None, spread=0.0) -> state
@@ -56,6 +59,20 @@ class RaceEnv(NamedTuple):
     observe_as: dict[str, Observe]  # every kind, for pilots that were trained on another
     decode_as: dict[str, Decode]
     reward: Reward
+    groups: tuple[Group, ...]  # the drones by vehicle
+
+    @property
+    def vehicles(self) -> tuple[Vehicle, ...]:
+        """Of every drone."""
+        return tuple(next(group.vehicle for group in self.groups if i in group.drones) for i in range(self.num_drones))
+
+    def of_drones(self, drones: tuple[int, ...]) -> "RaceEnv":
+        """The environment as it is to who flies some drones, all of one vehicle: their own in place of the field's."""
+        if len(self.groups) == 1:
+            return self
+        own = next(group for group in self.groups if set(drones) <= set(group.drones))
+        decode_as = _decoders(self.course, own.dynamics)
+        return self._replace(vehicle=own.vehicle, dynamics=own.dynamics, decode_as=decode_as)
 
     def layout(self, observation: str) -> tuple[Entry, ...]:
         """What the numbers of an observation are, in their order. Raises CruiseError where it is not known."""
@@ -73,6 +90,26 @@ def _with_gates(course: Course, surroundings: Surroundings) -> Course:
     return course._replace(**{name: table for name, table in moved._asdict().items() if table is not None})
 
 
+def _course_of(course: Course, drones: tuple[int, ...], ndim: int) -> Course:
+    """The course of some drones, where every one believes its gates elsewhere: it has an axis for each of `ndim`."""
+    tables = course.position_w, course.normal_w
+    if tables[0].ndim < 2 + ndim:
+        return course
+    position, normal = (rows(table, drones, axis=2) for table in tables)
+    return course._replace(position_w=position, normal_w=normal)
+
+
+def _informed(course: Course, dynamics: Dynamics, state: RaceState, sense: Callable[..., Sensed]) -> RaceState:
+    """With what the drones know, where that is not everything."""
+    surroundings = state.surroundings
+    if surroundings.sensed is None:
+        return state
+    here = _with_gates(course, surroundings)
+    gates = Gates(here.position_w, here.normal_w)
+    sensed = sense(surroundings.sensed, state, gates, dynamics.rotation(state.drones))
+    return state._replace(surroundings=surroundings._replace(sensed=sensed))
+
+
 def _air_w(dynamics: Dynamics, state: RaceState) -> Float[Array, "3 N *B"] | None:
     """What moves the air at each drone beside a steady wind: the rotors of the others, and gusts."""
     air_w = dynamics.induced_air(state.drones, state.airborne) if dynamics.induced_air else None
@@ -83,17 +120,46 @@ def _air_w(dynamics: Dynamics, state: RaceState) -> Float[Array, "3 N *B"] | Non
     return gust if air_w is None else air_w + gust
 
 
-def _flipped(vehicle: Vehicle, dynamics: Dynamics, drones: DroneState) -> Bool[Array, "N *B"]:
+def _flipped(vehicles: tuple[Vehicle, ...], dynamics: Dynamics, drones: DroneState) -> Bool[Array, "N *B"]:
     """Rolled or pitched past 90 degrees, where that is a crash."""
-    if not vehicle.flip_ends:
+    ends = np.array([vehicle.flip_ends for vehicle in vehicles])
+    if not ends.any():
         return jnp.zeros(drones.position_w.shape[1:], bool)
     roll, pitch, _ = dynamics.euler(drones)
-    return (jnp.abs(roll) > FLIP_ANGLE) | (jnp.abs(pitch) > FLIP_ANGLE)
+    flipped = (jnp.abs(roll) > FLIP_ANGLE) | (jnp.abs(pitch) > FLIP_ANGLE)
+    return flipped if ends.all() else flipped & ends.reshape(-1, *(1,) * (flipped.ndim - 1))
 
 
-def _freeze(frozen: Bool[Array, "N *B"], old: DroneState, new: DroneState) -> DroneState:
-    kept: DroneState = jax.tree.map(lambda a, b: jnp.where(frozen, a, b), old, new)
-    return kept
+def _freeze(dynamics: Dynamics, frozen: Bool[Array, "N *B"], old: DroneState, new: DroneState) -> DroneState:
+    def kept(frozen: Array, old: Any, new: Any) -> Any:
+        return jax.tree.map(lambda a, b: jnp.where(frozen, a, b), old, new)
+
+    if dynamics.groups is None:
+        return kept(frozen, old, new)
+    memories = zip(dynamics.groups, old.memory, new.memory, strict=True)
+    memory = tuple(kept(rows(frozen, drones, 0), before, after) for drones, before, after in memories)
+    return kept(frozen, old._replace(memory=()), new._replace(memory=()))._replace(memory=memory)
+
+
+def _met_drones(
+    segment: tuple[Array, Array], airborne: Array, distance: Array | float, until: list[Array], aspect: float
+) -> tuple[Array, list[Array], Array]:
+    """As `meet_opponents`, and whether another drone was met within the step."""
+    if jnp.ndim(distance) == 0:
+        nearest, touched = meet_opponents(*segment, airborne, distance, until, aspect)
+        return nearest, touched, nearest < distance
+    until = [*until, jnp.ones_like(until[0])]  # drones of different sizes: of each pair by itself
+    nearest, touched = meet_opponents(*segment, airborne, distance, until, aspect)
+    return nearest, touched[:-1], touched[-1]
+
+
+def _who_flies_what(vehicles: tuple[Vehicle, ...], dynamics: Dynamics | None) -> tuple[tuple[Group, ...], Dynamics]:
+    """The drones by vehicle, and what moves them all: `dynamics` where it is given."""
+    groups = groups_of(vehicles)
+    if len(groups) > 1:
+        return groups, dynamics or make_mixed(groups)
+    alone = groups[0]._replace(dynamics=dynamics or groups[0].dynamics)
+    return (alone,), alone.dynamics
 
 
 def _some_spread(course: Course, key: Array, start: Start, share: float, plan: StartPlan | None) -> Start:
@@ -108,7 +174,7 @@ def _some_spread(course: Course, key: Array, start: Start, share: float, plan: S
 def make_race_env(
     track: Track,
     num_drones: int,
-    vehicle: Vehicle,
+    vehicle: Fleet,
     observation: str = "extended",
     reward: RewardWeights | Reward | None = None,
     perturb: Perturb | None = None,
@@ -119,19 +185,24 @@ def make_race_env(
     Args:
         track: where.
         num_drones: how many.
-        vehicle: what all of them fly.
+        vehicle: what all of them fly, or each of them.
         observation: what `observe` gives.
         reward: weights, by default those of `RewardWeights`, or terms.
         perturb: draws what the races that `reset` starts are like, `cruise.env.randomise.perturbation` among them; by
             default they are as vehicle and track say, each on a variant of the track where that has any.
         dynamics: what moves the drones; by default our own equations of the vehicle.
+
+    Raises:
+        CruiseError: vehicles that cannot share a race.
     """
+    vehicles = each_of(vehicle, num_drones)
+    groups, dynamics = _who_flies_what(vehicles, dynamics)
     paid = reward if isinstance(reward, Reward) else make_reward(reward or RewardWeights())
     env_course = make_course(track)
-    passes = passes_per_step(track, vehicle.control_dt)
+    passes = passes_per_step(track, dynamics.control_dt)
     plan, along = start_plan(track, num_drones), spread_plan(track, num_drones)
-    dynamics = dynamics or make_dynamics(vehicle)
-    perturb = perturb or perturbation(track, vehicle, Randomisation())
+    perturb = perturb or perturbation(track, vehicles, Randomisation())
+    aspect = max(one.collision_aspect for one in vehicles)
 
     def begin(start: Start, conditions: Conditions = AS_SAID) -> RaceState:
         drones = dynamics.init(start.position_w, start.heading, conditions.parameters)
@@ -139,7 +210,8 @@ def make_race_env(
         none = jnp.zeros(shape, bool)
         gate = jnp.broadcast_to(start.gate, shape).astype(jnp.int32)  # of no weak type: a step gives none
         counts = jnp.zeros(shape, jnp.int32)
-        return RaceState(drones, gate, counts, none, none, counts[0], conditions.surroundings)
+        state = RaceState(drones, gate, counts, none, none, counts[0], conditions.surroundings)
+        return _informed(env_course, dynamics, state, settled)
 
     def reset(key: Array, batch: tuple[int, ...] = (), gate: int | None = None, spread: float = 0.0) -> RaceState:
         """`spread`: share of the races whose drones start all along the track."""
@@ -154,20 +226,19 @@ def make_race_env(
     def step(state: RaceState, action: Float[Array, "A N *B"], rules: Rules) -> tuple[RaceState, StepOutcome]:
         airborne, course = state.airborne, _with_gates(env_course, state.surroundings)
         moved = dynamics.step(state.drones, action, rules.agility, _air_w(dynamics, state))
-        drones = _freeze(~airborne, state.drones, moved)
+        drones = _freeze(dynamics, ~airborne, state.drones, moved)
         start_w, end_w = state.drones.position_w, drones.position_w
         crossings = follow_gates(course, start_w, end_w, state.next_gate, rules.gate_tolerance, passes)
-        near, aspect = rules.collision_distance, vehicle.collision_aspect
         until = [crossing.fraction for crossing in crossings]
-        nearest, touched = meet_opponents(start_w, end_w, airborne, near, until, aspect)
+        nearest, touched, met_drone = _met_drones((start_w, end_w), airborne, rules.collision_distance, until, aspect)
         met = meet_solids(course, start_w, end_w)
         hits = {kind: fraction <= 1 for kind, fraction in met.items()}
         hits |= {
-            "drone": nearest < near,
+            "drone": met_drone,
             "ground": on_ground(end_w),
             "gate_frame": crossings[0].hit_frame,
             "bounds": out_of_bounds(course, end_w),
-            "flip": _flipped(vehicle, dynamics, drones),
+            "flip": _flipped(vehicles, dynamics, drones),
         }
         nothing = jnp.zeros(airborne.shape, bool)
         collisions = Collisions(*(hits[kind] & airborne if kind in hits else nothing for kind in Collisions._fields))
@@ -196,22 +267,18 @@ def make_race_env(
             step=state.step + 1,
             surroundings=state.surroundings,
         )
-        return next_state, outcome
+        return _informed(env_course, dynamics, next_state, sensed_after), outcome
 
     def observe(seen: Observation, state: RaceState) -> Array:
         return observation_vector(seen, _with_gates(env_course, state.surroundings), dynamics, state)
 
-    def decode(seen: Observation, state: RaceState, action: Array, drones: tuple[int, ...] | None = None) -> Array:
-        gate = state.next_gate if drones is None else rows(state.next_gate, drones, axis=0)
-        return action_decoder(seen, dynamics)(_with_gates(env_course, state.surroundings), gate, action)
-
     find_observation(observation)
     observe_as: dict[str, Observe] = {name: functools.partial(observe, seen) for name, seen in OBSERVATIONS.items()}
-    decode_as: dict[str, Decode] = {name: functools.partial(decode, seen) for name, seen in OBSERVATIONS.items()}
+    decode_as = _decoders(env_course, groups[0].dynamics)
     return RaceEnv(
         num_drones=num_drones,
         track=track,
-        vehicle=vehicle,
+        vehicle=vehicles[0],
         course=env_course,
         dynamics=dynamics,
         reset=reset,
@@ -222,4 +289,24 @@ def make_race_env(
         observe_as=observe_as,
         decode_as=decode_as,
         reward=paid,
+        groups=groups,
     )
+
+
+def _decoders(course: Course, dynamics: Dynamics) -> dict[str, Decode]:
+    """By observation, how actions of all drones of a vehicle, or of some, become the vehicle's."""
+    return {name: functools.partial(_decode, course, dynamics, seen) for name, seen in OBSERVATIONS.items()}
+
+
+def _decode(
+    course: Course,
+    dynamics: Dynamics,
+    seen: Observation,
+    state: RaceState,
+    action: Array,
+    drones: tuple[int, ...] | None = None,
+) -> Array:
+    here, gate = _with_gates(course, state.surroundings), state.next_gate
+    if drones is not None:
+        here, gate = _course_of(here, drones, gate.ndim), rows(gate, drones, axis=0)
+    return action_decoder(seen, dynamics)(here, gate, action)

@@ -10,8 +10,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from cruise.config import OF_BODY_AND_AIR, Gate, Randomisation, Track, Vehicle
+from cruise.config import EXACT, OF_BODY_AND_AIR, Gate, Randomisation, SelfPlayConfig, Sensing, Track, Vehicle
 from cruise.dynamics.parameters import Parameters, physics_of, remembering
+from cruise.env.draw_sensing import Sensors, draw_sensed, sensors_of
+from cruise.env.mixed import Fleet
 from cruise.env.surroundings import GUST_PERIODS, Conditions, Gusts, MovedGates, SensorErrors, Surroundings
 from cruise.errors import CruiseError
 from cruise.racing.solids import solid_tables
@@ -28,6 +30,13 @@ Variants = Sequence[Sequence[Gate]]
 MOVED = frozenset({"gate_shift", "gate_turn"})
 
 
+def made_for_each(fleet: Fleet, randomisation: Randomisation) -> Fleet:
+    """As `made_for`, of all drones or of each."""
+    if isinstance(fleet, Vehicle):
+        return made_for(fleet, randomisation)
+    return tuple(made_for(vehicle, randomisation) for vehicle in fleet)
+
+
 def made_for(vehicle: Vehicle, randomisation: Randomisation) -> Vehicle:
     """The vehicle, remembering commands for as long as the longest delay that may be drawn.
 
@@ -36,6 +45,11 @@ def made_for(vehicle: Vehicle, randomisation: Randomisation) -> Vehicle:
     """
     check_randomisation(vehicle, randomisation)
     return remembering(vehicle, randomisation.extra_delay) if randomisation.extra_delay else vehicle
+
+
+def rival_spreads(opponents: SelfPlayConfig) -> dict[str, float]:
+    """From what range of vehicles opponents are drawn in training, by the names of `Randomisation`."""
+    return {"mass_spread": opponents.opponent_mass_spread, "thrust_spread": opponents.opponent_thrust_spread}
 
 
 def check_randomisation(vehicle: Vehicle, randomisation: Randomisation) -> None:
@@ -50,13 +64,22 @@ def check_randomisation(vehicle: Vehicle, randomisation: Randomisation) -> None:
 
 
 def perturbation(
-    track: Track, vehicle: Vehicle, randomisation: Randomisation, milder_share: float = 0.0, nominal_share: float = 0.0
+    track: Track,
+    vehicle: Fleet,
+    randomisation: Randomisation,
+    milder_share: float = 0.0,
+    nominal_share: float = 0.0,
+    sensing: Sensing = EXACT,
+    rivals: Mapping[str, float] | None = None,
 ) -> Callable[[Array, Shape], Conditions] | None:
     """What `make_race_env` takes to draw races so; None where nothing is random.
 
     Of the races, `nominal_share` are as vehicle and track say; of the others `milder_share` are less random than
-    `randomisation` says: all of it times one number from 0 to 1.
+    `randomisation` says: all of it times one number from 0 to 1. `sensing` is the same in all of them.
+    `rivals`, spreads by name, are how far all drones but the first differ, where that is farther: a range of vehicles.
     """
+    others = {name: value for name, value in (rivals or {}).items() if value}
+    sensors = sensors_of(sensing, (vehicle if isinstance(vehicle, Vehicle) else vehicle[0]).control_dt)
     strengths = {name: value for name, value in dataclasses.asdict(randomisation).items() if value}
 
     def draw(key: Array, shape: Shape) -> Conditions:
@@ -65,9 +88,17 @@ def perturbation(
             key, part_key = jax.random.split(key)
             part = _part(milder_share, nominal_share, part_key, shape[1:])
             drawn = {name: value * part for name, value in strengths.items()}
-        return draw_conditions(track, vehicle, drawn, key, shape)
+        drawn = {**drawn, **{name: _wider(drawn.get(name, 0.0), spread, shape) for name, spread in others.items()}}
+        return draw_conditions(track, vehicle, drawn, key, shape, sensors=sensors)
 
-    return draw if strengths or track.variants else None
+    return draw if strengths or track.variants or sensors or others else None
+
+
+def _wider(strength: Any, spread: float, shape: Shape) -> Array:
+    """The strength of the first drone, of all others at least `spread` [N *B]."""
+    own = jnp.broadcast_to(jnp.asarray(strength, jnp.float32), shape)
+    first = (np.arange(shape[0]) == 0).reshape(-1, *(1,) * (len(shape) - 1))
+    return jnp.where(first, own, jnp.maximum(own, spread))
 
 
 def _part(milder_share: float, nominal_share: float, key: Array, races: Shape) -> Array:
@@ -79,19 +110,49 @@ def _part(milder_share: float, nominal_share: float, key: Array, races: Shape) -
 
 
 def draw_conditions(
-    track: Track, vehicle: Vehicle, strengths: Strengths, key: Array, shape: Shape, offsets: Strengths | None = None
+    track: Track,
+    vehicle: Fleet,
+    strengths: Strengths,
+    key: Array,
+    shape: Shape,
+    offsets: Strengths | None = None,
+    sensors: Sensors | None = None,
 ) -> Conditions:
     """Races of drones of `shape` (N, *B), as strongly random as `strengths` says.
 
     `offsets`, by the names of spreads, are relative deviations that are no chance: those of the middle of each spread.
+    `sensors` are what drones know the race by; None: they know it exactly.
     """
     parts = jax.random.split(key, 4)
+    mapped, gates = _gates(track, strengths, parts[1], shape[1:])
+    sensed = draw_sensed(sensors, mapped, len(track.gates), jax.random.fold_in(key, 4), shape) if sensors else None
     surroundings = Surroundings(
-        gates=_gates(track, strengths, parts[1], shape[1:]),
+        gates=gates,
         gusts=_gusts(strengths, parts[2], shape[1:]),
         errors=_errors(strengths, parts[3], shape),
+        sensed=sensed,
     )
-    return Conditions(_parameters(vehicle, strengths, offsets or {}, parts[0], shape), surroundings)
+    return Conditions(_parameters_of(vehicle, strengths, offsets or {}, parts[0], shape), surroundings)
+
+
+def _parameters_of(fleet: Fleet, strengths: Strengths, offsets: Strengths, key: Array, shape: Shape) -> Parameters:
+    """Those of every drone, about what its own vehicle has."""
+    if isinstance(fleet, Vehicle):
+        return _parameters(fleet, strengths, offsets, key, shape)
+    found = _parameters(fleet[0], strengths, offsets, key, shape)
+    for other in dict.fromkeys(fleet[1:]):
+        here = np.array([own == other for own in fleet]).reshape(-1, *(1,) * (len(shape) - 1))
+        theirs = _parameters(other, strengths, offsets, key, shape)
+        pairs = zip(found, theirs, strict=True)
+        found = Parameters(*(_chosen(here, a, b) for a, b in pairs))
+    return found
+
+
+def _chosen(here: np.ndarray, ours: Any, theirs: Any) -> Any:
+    """What is drawn for one of two vehicles alone, a drag that the other has not, is 0 for the other."""
+    if ours is None and theirs is None:
+        return None
+    return jnp.where(here, 0.0 if theirs is None else theirs, 0.0 if ours is None else ours)
 
 
 def _parameters(vehicle: Vehicle, strengths: Strengths, offsets: Strengths, key: Array, shape: Shape) -> Parameters:
@@ -134,11 +195,14 @@ def _wind(strongest: Array | float, key: Array, shape: Shape) -> Array:
     return jnp.broadcast_to(wind[:, None], (3, *shape))
 
 
-def _gates(track: Track, strengths: Strengths, key: Array, races: Shape) -> MovedGates | None:
-    """The track's gates, or those of one of its variants, shifted and turned, none lower than its opening reaches."""
+def _gates(track: Track, strengths: Strengths, key: Array, races: Shape) -> tuple[MovedGates | None, MovedGates | None]:
+    """Gates as the map has them and as they stand: of the track or one of its variants; shifted and turned.
+
+    None: as the track says. None stands lower than its opening reaches.
+    """
     moved, tilted, shifted = (not names.isdisjoint(strengths) for names in (MOVED, {"gate_tilt"}, {"solid_shift"}))
     if not (moved or tilted or shifted or track.variants):
-        return None
+        return None, None
     shift_key, turn_key, variant_key = jax.random.split(key, 3)
     variants = track.variants or (track.gates,)
     variant = jax.random.randint(variant_key, races, 0, len(variants))
@@ -146,6 +210,7 @@ def _gates(track: Track, strengths: Strengths, key: Array, races: Shape) -> Move
     half_size = None
     if track.reshaped:
         position, yaw, half_size = reshaped(track, position, yaw, jax.random.fold_in(key, 5))
+    mapped = MovedGates(position, jnp.stack([jnp.cos(yaw), jnp.sin(yaw)]))
     if moved:
         gates = len(track.gates)
         shift = strengths.get("gate_shift", 0.0) * jax.random.uniform(shift_key, (3, gates, *races), minval=-1.0)
@@ -155,7 +220,7 @@ def _gates(track: Track, strengths: Strengths, key: Array, races: Shape) -> Move
         position, yaw = (position + shift).at[2].max(lowest), yaw + turn
     tilt = _tilts(variants, variant, strengths.get("gate_tilt"), jax.random.fold_in(key, 3))
     solids = _solids(track, variant, strengths.get("solid_shift"), jax.random.fold_in(key, 4))
-    return MovedGates(position, jnp.stack([jnp.cos(yaw), jnp.sin(yaw)]), half_size, tilt, solids)
+    return mapped, MovedGates(position, jnp.stack([jnp.cos(yaw), jnp.sin(yaw)]), half_size, tilt, solids)
 
 
 def _standing(variants: Variants, variant: Array) -> tuple[Array, Array]:

@@ -6,11 +6,13 @@ import operator
 from typing import TYPE_CHECKING, NamedTuple
 
 import jax
+import numpy as np
 from jaxtyping import Array, Float, UInt32
 
 from cruise.dynamics import DroneState, quaternion
 from cruise.dynamics.parameters import AS_BUILT, Parameters
 from cruise.dynamics.types import FreeBody
+from cruise.env.sensing import Sensed, known_opponents, velocity_error
 from cruise.vector import sin_cos
 
 if TYPE_CHECKING:
@@ -24,7 +26,7 @@ MEASURED = 12  # position, velocity, attitude, body rates: three numbers each
 
 
 class MovedGates(NamedTuple):
-    """Where the gates of each race stand."""
+    """Where the gates of each race stand; as every drone believes, with an axis N after G."""
 
     position_w: Float[Array, "3 G *B"]  # [m]
     normal_w: Float[Array, "2 G *B"]
@@ -54,6 +56,7 @@ class Surroundings(NamedTuple):
     gates: MovedGates | None = None
     gusts: Gusts | None = None
     errors: SensorErrors | None = None
+    sensed: Sensed | None = None
 
 
 class Conditions(NamedTuple):
@@ -86,13 +89,52 @@ def _amplitudes() -> list[float]:
     return [math.sqrt(2 * energy / sum(energies)) for energy in energies]
 
 
+def is_exact(state: "RaceState") -> bool:
+    """Whether drones measure the race as it is."""
+    return state.surroundings.errors is None and state.surroundings.sensed is None
+
+
 def perceive(state: "RaceState") -> "RaceState":
-    """The race as its drones measure it: what pilots see in place of the truth."""
+    """The race as its drones know it: what pilots see in place of the truth."""
+    state = _known(state)
     errors = state.surroundings.errors
     if errors is None:
         return state
     wrong = errors.bias + errors.noise * _white(errors, state.step)
     return state._replace(drones=_mistaken(state.drones, *(wrong[i : i + 3] for i in range(0, MEASURED, 3))))
+
+
+def _known(state: "RaceState") -> "RaceState":
+    """By sightings, and by what is left of them."""
+    sensed = state.surroundings.sensed
+    if sensed is None:
+        return state
+    body = state.drones.body
+    wrong = velocity_error(sensed.sensor, body.velocity_w)
+    body = body._replace(position_w=body.position_w + sensed.error_w, velocity_w=body.velocity_w + wrong)
+    surroundings = state.surroundings
+    if sensed.gates is not None and surroundings.gates is not None:
+        surroundings = surroundings._replace(gates=surroundings.gates._replace(**sensed.gates._asdict()))
+    opponents = known_opponents(sensed, wrong) if state.airborne.shape[0] > 1 else None
+    return state._replace(drones=state.drones._replace(body=body), surroundings=surroundings, opponents=opponents)
+
+
+def as_known_by(state: "RaceState", drones: tuple[int, ...]) -> "RaceState":
+    """A race as some drones perceive it who tell each other where they are: the others where the first believes them.
+
+    Who it knows nothing of is out.
+    """
+    known, total = state.opponents, state.airborne.shape[0]
+    others = np.array([drone for drone in range(total) if drone not in drones], int)
+    if known is None or not others.size:
+        return state._replace(opponents=None)
+    place, body = (others - drones[0]) % total - 1, state.drones.body
+    body = body._replace(
+        position_w=body.position_w.at[:, others].set(known.position_w[:, place, drones[0]]),
+        velocity_w=body.velocity_w.at[:, others].set(known.velocity_w[:, place, drones[0]]),
+    )
+    out = state.out.at[others].set(~known.present[place, drones[0]])
+    return state._replace(drones=state.drones._replace(body=body), out=out, opponents=None)
 
 
 def _white(errors: SensorErrors, step: Array) -> Float[Array, "12 N *B"]:

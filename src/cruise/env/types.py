@@ -9,6 +9,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from cruise.config import Stage
 from cruise.dynamics.types import DroneState
+from cruise.env.sensing import Opponents
 from cruise.env.surroundings import Surroundings
 from cruise.racing.events import COLLISION_KINDS
 from cruise.racing.gates import Crossing
@@ -26,7 +27,7 @@ class Rules(NamedTuple):
     w_over: Float[Array, "..."] | float
     crash_share: Float[Array, "..."] | float  # of `RewardWeights.terminal`
     gate_tolerance: Float[Array, ""] | float  # [m]
-    collision_distance: Float[Array, ""] | float  # [m]
+    collision_distance: Float[Array, "..."] | float  # [m]
     terminal_collisions: Bool[Array, ""] | bool
     gates_to_finish: Int[Array, ""] | int  # gates passed to finish the race; 0: no finish
 
@@ -41,6 +42,7 @@ class RaceState(NamedTuple):
     finished: Bool[Array, "N *B"]
     step: Int[Array, "*B"]  # control steps since the start
     surroundings: Surroundings = Surroundings()
+    opponents: Opponents | None = None  # as every drone perceives them; None: as they are
 
     @property
     def airborne(self) -> Bool[Array, "N *B"]:
@@ -92,7 +94,9 @@ def stage_rules(stage: Stage, collision_distance: float) -> Rules:
     )
 
 
-def race_rules(agility: Float[Array, "..."] | float, collision_distance: float, gates_to_finish: int) -> Rules:
+def race_rules(
+    agility: Float[Array, "..."] | float, collision_distance: Float[Array, "..."] | float, gates_to_finish: int
+) -> Rules:
     """The rules of a real race: true openings, every collision final. Rewards are not meant to be read."""
     return Rules(
         v_min=0.0,

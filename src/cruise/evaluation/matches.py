@@ -9,10 +9,11 @@ from typing import Any
 
 import jax
 
-from cruise.config import OUR_SIMULATOR, Firmware, InSimulator, Randomisation, Track, Vehicle
+from cruise.config import EXACT, OUR_SIMULATOR, Firmware, InSimulator, Randomisation, Sensing, Track, Vehicle
+from cruise.env.mixed import Fleet, each_of
 from cruise.env.observation import OBSERVATIONS
 from cruise.env.race_env import RaceEnv, make_race_env
-from cruise.env.randomise import made_for, perturbation
+from cruise.env.randomise import made_for_each, perturbation
 from cruise.errors import CruiseError
 from cruise.evaluation.metrics import race_result
 from cruise.evaluation.pilot_choice import PilotChoice, find_pilot, identity
@@ -24,7 +25,7 @@ from cruise.presets import MAX_RANDOMISE, full_randomisation
 from cruise.racing.track_geometry import lap_length
 from cruise.rollout import fly, team_rules
 from cruise.storage.policy_file import USUAL_VEHICLE, read_meta, shipped_name
-from cruise.storage.race_log import RaceLog
+from cruise.storage.race_log import RaceLog, flown_in
 from cruise.storage.recorder import RaceInfo, race_logs
 from cruise.vehicles import VEHICLES, VehicleChoice, find_vehicle, fly_alike, load_vehicle, reference_to
 
@@ -49,13 +50,30 @@ class Match:
     laps: int
     randomisation: Randomisation = NOTHING_RANDOM
     simulator: str = OUR_SIMULATOR
-    asked_for: Vehicle | None = None  # what all of them fly; None: what the pilots were made for
+    asked_for: Fleet | None = None  # what all of them fly, or each; None: what the pilots were made for
     firmware: Firmware = AS_MATCHED  # of the simulator betaflight
+    sensing: Sensing = EXACT
 
     @property
     def vehicle(self) -> Vehicle:
-        """What all of them fly."""
+        """What all of them fly, or the first of them."""
+        fleet = self.fleet
+        return fleet if isinstance(fleet, Vehicle) else fleet[0]
+
+    @property
+    def fleet(self) -> Fleet:
+        """What all of them fly, or each."""
         return self.asked_for or find_vehicle(self.team[0].vehicle)
+
+    @property
+    def vehicles(self) -> tuple[Vehicle, ...]:
+        """What each of them flies."""
+        return each_of(self.fleet, len(self.team))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the pilots, in a mixed field with their vehicles."""
+        return flown_in([pilot.name for pilot in self.team], [vehicle.name for vehicle in self.vehicles])
 
     @property
     def time_limit(self) -> float:
@@ -66,7 +84,8 @@ class Match:
     @property
     def env(self) -> RaceEnv:
         """Where it is flown."""
-        return race_env(self.track, len(self.team), self.vehicle, self.randomisation, self.simulator, self.firmware)
+        simulated = self.simulator, self.firmware
+        return race_env(self.track, len(self.team), self.fleet, self.randomisation, *simulated, self.sensing)
 
 
 def make_match(
@@ -75,7 +94,7 @@ def make_match(
     pilots: PilotChoice | Sequence[PilotChoice] | None = None,
     laps: int | None = None,
     budget: float = DEFAULT_BUDGET,
-    vehicle: VehicleChoice | InSimulator | None = None,
+    vehicle: VehicleChoice | InSimulator | Sequence[VehicleChoice] | None = None,
     randomise: float = 0.0,
 ) -> Match:
     """Put a match together.
@@ -87,9 +106,9 @@ def make_match(
             policy shipped for this track, number of drones and vehicle.
         laps: by default the track's.
         budget: time for each action of a pilot in plain Python [s].
-        vehicle: what all of them fly: itself, a preset's name or the path of a TOML file. By default what the pilots
-            were made for; pilots of one vehicle fly another whose actions mean the same (`fly_alike`), if asked to.
-            `InSimulator` says what moves it, too.
+        vehicle: what all of them fly: itself, a preset's name or the path of a TOML file; or several, one per drone,
+            fewer taking turns. By default what the pilots were made for; pilots of one vehicle fly another whose
+            actions mean the same (`fly_alike`), if asked to. `InSimulator` says what moves it, too.
         randomise: how much of the vehicle's full randomisation (`presets.RANDOMISATION`) races differ by; 0: none.
 
     Raises:
@@ -102,22 +121,41 @@ def make_match(
     laps = track.laps if laps is None else laps
     _in_range("drones", drones, 1, MAX_DRONES)
     _in_range("laps", laps, 1, MAX_LAPS)
-    asked = None if vehicle is None else load_vehicle(vehicle)
+    fleet = _fleet(vehicle, drones)
+    asked = fleet[0] if fleet else None
     if pilots is None:
         pilots = shipped_name(track.name, drones, USUAL_VEHICLE if asked is None else reference_to(asked))
     choices: list[Any] = list(pilots) if isinstance(pilots, list | tuple) else [pilots]
     if not 1 <= len(choices) <= drones:
         raise CruiseError(f"{len(choices)} pilots for {drones} drones: give one for all, or at most one per drone")
-    found = {identity(choice): find_pilot(choice, budget) for choice in choices}
-    names = {identity(choice) for choice in choices if isinstance(choice, str | os.PathLike)}
-    found = _in_one_vehicle(found, names, asked)
-    team = tuple(found[identity(choices[drone % len(choices)])] for drone in range(drones))
-    match = Match(track, team, laps, asked_for=asked)
+    team = _team([choices[drone % len(choices)] for drone in range(drones)], fleet or (None,) * drones, budget)
+    match = Match(track, team, laps, asked_for=asked if len(set(fleet)) <= 1 else fleet)
     if randomise == 0:
         return match
     if not 0 < randomise <= MAX_RANDOMISE:
         raise CruiseError(f"randomise must be from 0 to {MAX_RANDOMISE}, got {randomise}")
     return replace(match, randomisation=full_randomisation(match.vehicle).scaled(randomise))
+
+
+def _fleet(choice: VehicleChoice | Sequence[VehicleChoice] | None, drones: int) -> tuple[Vehicle, ...]:
+    """The vehicle of every drone; nothing where none is asked for."""
+    choices: list[Any] = list(choice) if isinstance(choice, list | tuple) else [] if choice is None else [choice]
+    if len(choices) > drones:
+        raise CruiseError(f"{len(choices)} vehicles for {drones} drones: give one for all, or at most one per drone")
+    known = [load_vehicle(one) for one in choices]
+    return each_of(tuple(known[drone % len(known)] for drone in range(drones)), drones) if known else ()
+
+
+def _team(choices: Sequence[Any], fleet: Sequence[Vehicle | None], budget: float) -> tuple[Pilot, ...]:
+    """The pilot of every drone, put into the vehicle that it is asked to fly; the same one where both are the same."""
+    found = {identity(choice): find_pilot(choice, budget) for choice in choices}
+    names = {identity(choice) for choice in choices if isinstance(choice, str | os.PathLike)}
+    flown = [(identity(choice), vehicle) for choice, vehicle in zip(choices, fleet, strict=True)]
+    aboard = {}
+    for vehicle in dict.fromkeys(fleet):
+        own = {key: found[key] for key, other in flown if other == vehicle}
+        aboard[vehicle] = _in_one_vehicle(own, names, vehicle)
+    return tuple(aboard[vehicle][key] for key, vehicle in flown)
 
 
 def _in_one_vehicle(pilots: dict[Any, Pilot], names: set[Any], asked: Vehicle | None) -> dict[Any, Pilot]:
@@ -157,38 +195,48 @@ def run_races(match: Match, races: int, seed: int) -> Iterator[RaceLog]:
 
 def fly_batch(match: Match, env: RaceEnv, key: jax.Array, batch: int) -> list[RaceLog]:
     """The logs of so many races at once in `env`."""
-    vehicle, team = match.vehicle, match.team
-    rules = team_rules(team, vehicle.collision_distance, match.laps * len(match.track.gates) + 1, (batch,))
+    vehicles, team = match.vehicles, match.team
+    distances = [vehicle.collision_distance for vehicle in vehicles]
+    distance, aspect = max(distances), max(vehicle.collision_aspect for vehicle in vehicles)
+    apart = distance if min(distances) == distance else distances
+    rules = team_rules(team, apart, match.laps * len(match.track.gates) + 1, (batch,))
     with simulation(match.simulator):
-        flight = fly(env, team, rules, key, round(match.time_limit / vehicle.control_dt), (batch,))
-    names = tuple(pilot.name for pilot in team)
-    distance, aspect = vehicle.collision_distance, vehicle.collision_aspect
-    return race_logs(flight, RaceInfo(match.track, match.laps, vehicle.name, distance, names, aspect))
+        flight = fly(env, team, rules, key, round(match.time_limit / match.vehicle.control_dt), (batch,))
+    names, flown = tuple(pilot.name for pilot in team), tuple(vehicle.name for vehicle in vehicles)
+    return race_logs(flight, RaceInfo(match.track, match.laps, flown, distance, names, aspect))
 
 
 def race_env(
     track: Track,
     drones: int,
-    vehicle: Vehicle,
+    vehicle: Fleet,
     randomisation: Randomisation = NOTHING_RANDOM,
     simulator: str = OUR_SIMULATOR,
     firmware: Firmware = AS_MATCHED,
+    sensing: Sensing = EXACT,
 ) -> RaceEnv:
     """The environment of a race; the same one for the same arguments, so that nothing is compiled twice.
 
     Raises:
         CruiseError: the vehicle cannot be randomised so, or not be flown in that simulator.
     """
-    return _race_env(track, drones, vehicle, randomisation, simulator, firmware, tuple(OBSERVATIONS.values()))
+    known = tuple(OBSERVATIONS.values())
+    return _race_env(track, drones, vehicle, randomisation, simulator, firmware, sensing, known)
 
 
 @functools.lru_cache(maxsize=8)
 def _race_env(*choices: Any) -> RaceEnv:
     """Another one for other known observations too: those that a user added since are among what it can observe."""
-    track, drones, vehicle, randomisation, simulator, firmware, _ = choices
-    flown = made_for(vehicle, randomisation)
-    dynamics = None if simulator == OUR_SIMULATOR else make_simulated(simulator, flown, firmware)
-    return make_race_env(track, drones, flown, perturb=perturbation(track, flown, randomisation), dynamics=dynamics)
+    track, drones, vehicle, randomisation, simulator, firmware, sensing, _ = choices
+    flown = made_for_each(vehicle, randomisation)
+    if simulator == OUR_SIMULATOR:
+        dynamics = None
+    elif isinstance(flown, Vehicle):
+        dynamics = make_simulated(simulator, flown, firmware)
+    else:
+        raise CruiseError(f"simulator {simulator!r} flies races of one vehicle: give one --vehicle")
+    perturb = perturbation(track, flown, randomisation, sensing=sensing)
+    return make_race_env(track, drones, flown, perturb=perturb, dynamics=dynamics)
 
 
 def evaluate_match(match: Match, episodes: int, seed: int, show: Callable[[RaceLog], None] | None = None) -> Evaluation:
@@ -198,7 +246,7 @@ def evaluate_match(match: Match, episodes: int, seed: int, show: Callable[[RaceL
         if show is not None:
             show(log)
         results.append(race_result(log))
-    return summarise(match.track, tuple(pilot.name for pilot in match.team), results, seed)
+    return summarise(match.track, match.names, results, seed)
 
 
 def evaluate(
@@ -207,7 +255,7 @@ def evaluate(
     pilots: PilotChoice | Sequence[PilotChoice] | None = None,
     episodes: int = 100,
     seed: int = 0,
-    vehicle: VehicleChoice | InSimulator | None = None,
+    vehicle: VehicleChoice | InSimulator | Sequence[VehicleChoice] | None = None,
     randomise: float = 0.0,
 ) -> Evaluation:
     """Measure pilots over races of the track's laps from standing, with true openings and final collisions.
@@ -227,9 +275,12 @@ def evaluate(
     return evaluate_match(make_match(track, drones, pilots, vehicle=vehicle, randomise=randomise), episodes, seed)
 
 
-def evaluate_policy(policy: StrPath, track: Track, episodes: int = 100, seed: int = 0) -> dict[str, Any]:
+def evaluate_policy(
+    policy: StrPath, track: Track, episodes: int = 100, seed: int = 0, sensing: Sensing = EXACT
+) -> dict[str, Any]:
     """What `cruise evaluate --json` prints for a policy on `track`, with as many drones as it was trained for."""
-    return evaluate(track, read_meta(policy).drones, Path(policy), episodes, seed).to_dict()
+    match = replace(make_match(track, read_meta(policy).drones, Path(policy)), sensing=sensing)
+    return evaluate_match(match, episodes, seed).to_dict()
 
 
 def _in_range(name: str, value: int, low: int, high: int) -> None:

@@ -177,7 +177,7 @@ def race_with(
     steps = round(LAPS * lap_length(track.gates) / (SLOWEST * vehicle.tracking.speed) / vehicle.control_dt)
     flight = fly(race_env(track, drones, vehicle), team, rules, jax.random.key(seed), steps, (batch,))
     names, distance, aspect = [pilot.name for pilot in team], vehicle.collision_distance, vehicle.collision_aspect
-    info = RaceInfo(track, LAPS, vehicle.name, distance, names, aspect)
+    info = RaceInfo(track, LAPS, (vehicle.name,), distance, names, aspect)
     return race_logs(flight, info)
 
 

@@ -184,7 +184,7 @@ class _Stage:
         vehicle, name = self.match.vehicle, self.match.team[0].name
         names = [name, *["rival"] * (drones - 1)] if not itself else [name] * drones
         distance, aspect = vehicle.collision_distance, vehicle.collision_aspect
-        return RaceInfo(self.match.track, LAPS, vehicle.name, distance, names, aspect)
+        return RaceInfo(self.match.track, LAPS, (vehicle.name,), distance, names, aspect)
 
     def fly(self, opponents: Any, pace: float, seconds: float, itself: bool = False) -> Flight:
         """Fly all runs, with as many opponents as `opponents(scenario)` says; the pilot's own or rivals."""

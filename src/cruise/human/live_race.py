@@ -86,7 +86,7 @@ class LiveRace:
         """The race so far as a log like any other. At least one step has been flown."""
         match, vehicle = self.match, self.match.vehicle
         distance, aspect = vehicle.collision_distance, vehicle.collision_aspect
-        info = RaceInfo(match.track, match.laps, vehicle.name, distance, names, aspect)
+        info = RaceInfo(match.track, match.laps, [one.name for one in match.vehicles], distance, names, aspect)
         return race_logs(self.race.flight(self.race.steps), info)[0]
 
 

@@ -63,11 +63,11 @@ class Crew(NamedTuple):
     drones: tuple[int, ...]
 
 
-def crews(team: Sequence[Pilot]) -> tuple[Crew, ...]:
-    """The team, one pilot per drone, with equal pilots put together so that they act in one batch."""
-    drones: dict[int, list[int]] = {}
+def crews(team: Sequence[Pilot], vehicles: Sequence[Vehicle] | None = None) -> tuple[Crew, ...]:
+    """The team, one pilot per drone, with equal pilots of equal vehicles put together so that they act in one batch."""
+    drones: dict[tuple[int, Vehicle | None], list[int]] = {}
     for drone, pilot in enumerate(team):
-        drones.setdefault(id(pilot), []).append(drone)
+        drones.setdefault((id(pilot), vehicles[drone] if vehicles else None), []).append(drone)
     return tuple(Crew(team[flown[0]], tuple(flown)) for flown in drones.values())
 
 

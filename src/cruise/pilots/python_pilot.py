@@ -61,7 +61,7 @@ class PythonPilot:
         self.pilot, self.drones = crew.pilot, crew.drones
         self.stand_in = Crew(Commanded(crew.pilot.observation), crew.drones)
         must_know(env.track, self.pilot.name)
-        self._size = env.dynamics.action_size
+        self._size = env.of_drones(crew.drones).dynamics.action_size
         self._views = ViewBuilder(
             gates_of(env.course, env.track.gates), env.dynamics.control_dt, crew.pilot.agility, crew.pilot.observation
         )

@@ -10,6 +10,7 @@ from jaxtyping import Array, Float
 from cruise.config import Vehicle
 from cruise.dynamics import Reference
 from cruise.env.race_env import RaceEnv
+from cruise.env.sensing import Opponents
 from cruise.env.types import RaceState
 from cruise.pilots.base import Memory, Pilot
 from cruise.racing.course import Course, pick
@@ -97,7 +98,10 @@ class Chaser(eqx.Module):
         position = state.drones.position_w
         to_aim = aim_point(env.course_of(state), state.next_gate, position, self.lead) - position
         wanted = speed * to_aim / (norm(to_aim) + EPSILON)
-        wanted += push_apart(position, state.airborne, self.clearance, push)
+        if state.opponents is None:
+            wanted += push_apart(position, state.airborne, self.clearance, push)
+        else:
+            wanted += push_from(position, state.opponents, self.clearance, push)
         wanted = wanted.at[2].max(FLOOR - position[2])
         reference = Reference(velocity_w=wanted, velocity_gain=self.velocity_gain)
         return env.dynamics.track(state.drones, reference, agility)
@@ -130,13 +134,25 @@ def push_apart(
     """Velocity away from every drone in the air nearer than `clearance` [m/s]."""
 
     def visit(push: Array, _: Array | int, theirs_w: Array, here: Array) -> Array:
-        offset = position_w - theirs_w
-        distance = norm(offset)
-        too_near = jnp.maximum(clearance - distance, 0.0) * here
-        return push + strength * too_near * offset / (distance + EPSILON)
+        return push + _push(position_w - theirs_w, here, clearance, strength)
 
     push: Array = over_opponents(visit, jnp.zeros_like(position_w), (position_w, 1), (airborne, 0))
     return push
+
+
+def push_from(
+    position_w: Float[Array, "3 N *B"], opponents: Opponents, clearance: float, strength: Scalars
+) -> Float[Array, "3 N *B"]:
+    """The same away from opponents as they are perceived."""
+    return _push(position_w[:, None] - opponents.position_w, opponents.present, clearance, strength).sum(axis=1)
+
+
+def _push(
+    offset_w: Float[Array, "3 *B"], here: Array, clearance: float, strength: Array | float
+) -> Float[Array, "3 *B"]:
+    distance = norm(offset_w)
+    too_near = jnp.maximum(clearance - distance, 0.0) * here
+    return strength * too_near * offset_w / (distance + EPSILON)
 
 
 SCRIPTED: dict[str, Pilot] = {pilot.name: pilot for pilot in (Chaser(), Hover())}

@@ -33,7 +33,7 @@ class View(NamedTuple):
 
     `act(view)` is asked for one drone of one race: shapes are as below. `act_batch(view)` is asked for all drones of
     all races that the pilot flies at once, M of them, in the same order every time: each array but those of `gates` has
-    a leading axis M.
+    a leading axis M. Where drones know gates by sight alone, so have `position_w`, `yaw` and `normal_w` of the gates.
     """
 
     time: float | np.ndarray  # since the start; 0 at a pilot's first step [s]
@@ -68,6 +68,22 @@ class Snapshot(NamedTuple):
     gates_passed: np.ndarray
     airborne: np.ndarray
     observations: dict[str, np.ndarray]  # by kind
+    others: "Others | None" = None  # as each drone perceives them; None: as they are
+    gates: tuple[np.ndarray, np.ndarray] | None = None  # centres [E, N, G, 3] and headings [E, N, G, 2], likewise
+
+
+class Others(NamedTuple):
+    """Opponents of all drones of all races, from the next in number on and around. Leading axes [E, N, N-1]."""
+
+    position_w: Any
+    velocity_w: Any
+    airborne: Any
+
+
+def _row(gates: Gates, row: int) -> Gates:
+    """Of gates that are believed to be elsewhere in every row, those of one."""
+    own = {name: getattr(gates, name)[row] for name in ("position_w", "yaw", "normal_w")}
+    return gates._replace(**own)
 
 
 def gates_of(course: Course, gates: Sequence[Gate]) -> Gates:
@@ -90,14 +106,14 @@ def gates_of(course: Course, gates: Sequence[Gate]) -> Gates:
 
 def take_snapshot(env: RaceEnv, state: RaceState, kinds: tuple[str, ...]) -> Snapshot:
     """See races [*B]; `kinds` are the observations that somebody asks for."""
-    vectors, flags, observations = jax.tree.map(np.asarray, _take_snapshot(env, state, kinds))
+    vectors, flags, observations, others, gates = jax.tree.map(np.asarray, _take_snapshot(env, state, kinds))
     passed_time = flags.pop("step") * env.dynamics.control_dt
     floats = {name: np.asarray(value, np.float64) for name, value in vectors.items()}
-    return Snapshot(time=passed_time, **floats, **flags, observations=observations)
+    return Snapshot(time=passed_time, **floats, **flags, observations=observations, others=others, gates=gates)
 
 
 @eqx.filter_jit
-def _take_snapshot(env: RaceEnv, state: RaceState, kinds: tuple[str, ...]) -> tuple[dict[str, Array], ...]:
+def _take_snapshot(env: RaceEnv, state: RaceState, kinds: tuple[str, ...]) -> tuple[Any, ...]:
     batch = state.step.ndim
 
     def users(values: Array) -> Array:
@@ -113,7 +129,10 @@ def _take_snapshot(env: RaceEnv, state: RaceState, kinds: tuple[str, ...]) -> tu
         "angular_velocity_b": users(drones.angular_velocity_b),
     }
     flags = {name: users(getattr(state, name)) for name in ("step", "next_gate", "gates_passed", "airborne")}
-    return vectors, flags, {kind: users(env.observe_as[kind](state)) for kind in kinds}
+    others = None if state.opponents is None else Others(*map(users, state.opponents))
+    moved = state.surroundings.gates if state.surroundings.sensed is not None else None
+    gates = None if moved is None else (users(moved.position_w), users(moved.normal_w))
+    return vectors, flags, {kind: users(env.observe_as[kind](state)) for kind in kinds}, others, gates
 
 
 class ViewBuilder(NamedTuple):
@@ -129,14 +148,15 @@ class ViewBuilder(NamedTuple):
         total = snapshot.airborne.shape[1]
         parts = [self._columns(snapshot, drone, [(drone + k) % total for k in range(1, total)]) for drone in drones]
         columns = [np.concatenate(column) for column in zip(*parts, strict=True)]
-        return self._view(columns)
+        return self._view(columns)._replace(gates=self._believed(snapshot, drones))
 
     def one_by_one(self, views: View, wanted: np.ndarray) -> Iterator[tuple[int, View]]:
         """Each wanted row of a batch of views, with its number; plain numbers where a row has one number."""
         columns = [column for column in views if isinstance(column, np.ndarray)]
         plain = [column.tolist() if column.ndim == 1 else column for column in columns]
         for row in np.flatnonzero(wanted).tolist():
-            yield row, self._view([column[row] for column in plain])
+            gates = views.gates if views.gates.yaw.ndim == 1 else _row(views.gates, row)
+            yield row, self._view([column[row] for column in plain])._replace(gates=gates)
 
     def _view(self, columns: Sequence[Any]) -> View:
         """`columns` in the order of the view's fields; the observation only where it is asked for."""
@@ -144,7 +164,30 @@ class ViewBuilder(NamedTuple):
         named = {"observation": None} | dict(zip(names, columns, strict=True))
         return View(**named, gates=self.gates, control_dt=self.control_dt, agility=self.agility)
 
+    def _believed(self, snapshot: Snapshot, drones: Sequence[int]) -> Gates:
+        """The gates of the map, or in every row as its drone believes them."""
+        if snapshot.gates is None:
+            return self.gates
+        position, heading = (
+            np.concatenate([table[:, drone] for drone in drones]).astype(np.float64) for table in snapshot.gates
+        )
+        tilts = [geometry.tilt_of(roll, pitch) for roll, pitch in zip(self.gates.roll, self.gates.pitch, strict=True)]
+        normal = [
+            np.stack(
+                np.broadcast_arrays(*geometry.from_gate(tuple(heading[:, gate].T), (1.0, 0.0, 0.0), tilt)), axis=-1
+            )
+            for gate, tilt in enumerate(tilts)
+        ]
+        yaw = np.arctan2(heading[..., 1], heading[..., 0])
+        return self.gates._replace(position_w=position, yaw=yaw, normal_w=np.stack(normal, axis=1))
+
     def _columns(self, snapshot: Snapshot, drone: int, others: list[int]) -> tuple[np.ndarray, ...]:
+        told = snapshot.others
+        others_are = (
+            (snapshot.position_w[:, others], snapshot.velocity_w[:, others], snapshot.airborne[:, others])
+            if told is None
+            else (told.position_w[:, drone], told.velocity_w[:, drone], told.airborne[:, drone])
+        )
         columns = (
             snapshot.time,
             np.full(len(snapshot.time), drone),
@@ -156,8 +199,6 @@ class ViewBuilder(NamedTuple):
             snapshot.next_gate[:, drone],
             snapshot.gates_passed[:, drone],
             snapshot.airborne[:, drone],
-            snapshot.position_w[:, others],
-            snapshot.velocity_w[:, others],
-            snapshot.airborne[:, others],
+            *others_are,
         )
         return columns if self.observation is None else (*columns, snapshot.observations[self.observation][:, drone])

@@ -30,16 +30,20 @@ def meet_opponents(
 ) -> tuple[Float[Array, "N *B"], list[Bool[Array, "N *B"]]]:
     """Closest approach to any other drone in the air within the step [m], infinite when alone.
 
-    And for each of `until`, fractions of the step, whether another drone came nearer than `distance` [m] before. With
+    And for each of `until`, fractions of the step, whether another drone came nearer than `distance` [m] before; where
+    that is an array over [N, *B], nearer than the mean of both drones' own. With
     another `aspect` than 1 heights count as if divided by it: the distance is that along the horizontal axes of an
     ellipsoid about the drone, `aspect` times as high as wide, on whose surface the other drone comes to lie.
     """
     if aspect != 1.0:
         start_w, end_w = (jnp.stack([x, y, z / aspect]) for x, y, z in (start_w, end_w))
 
+    own = [(jnp.broadcast_to(distance, airborne.shape), 0)] if jnp.ndim(distance) else []
+
     def visit(
-        found: tuple[Array, ...], k: Array | int, start1_w: Array, end1_w: Array, here: Array
+        found: tuple[Array, ...], k: Array | int, start1_w: Array, end1_w: Array, here: Array, *theirs: Array
     ) -> tuple[Array, ...]:
+        apart = (distance + theirs[0]) / 2 if theirs else distance
         offset = start1_w - start_w
         motion = (end1_w - end_w) - offset
         both = airborne & here
@@ -47,12 +51,12 @@ def meet_opponents(
         nearest, *touched = found
         nearest = jnp.minimum(nearest, jnp.where(both, distance2_at(offset, motion, fraction), jnp.inf))
         for i, last in enumerate(until):
-            near = distance2_at(offset, motion, jnp.minimum(fraction, last)) < distance**2
+            near = distance2_at(offset, motion, jnp.minimum(fraction, last)) < apart**2
             touched[i] = touched[i] | (both & near)
         return nearest, *touched
 
     nobody = jnp.full(airborne.shape, jnp.inf), *(jnp.zeros(airborne.shape, bool) for _ in until)
-    nearest2, *touched = over_opponents(visit, nobody, (start_w, 1), (end_w, 1), (airborne, 0))
+    nearest2, *touched = over_opponents(visit, nobody, (start_w, 1), (end_w, 1), (airborne, 0), *own)
     return jnp.sqrt(nearest2), touched
 
 

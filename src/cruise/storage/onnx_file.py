@@ -199,7 +199,13 @@ class _Whole(_Network):
         if "attitude" in self.takes:
             attitude = Rotation.from_matrix(view.rotation_wb).as_quat()  # (x, y, z, w)
             inputs["attitude"] = np.roll(attitude, 1, axis=-1).astype(np.float32)
-        self.previous = self._run({name: value for name, value in inputs.items() if name in self.takes})
+        taken = {name: value for name, value in inputs.items() if name in self.takes}
+        told = view.gates.yaw
+        if told.ndim == 1:
+            self.previous = self._run(taken)
+        else:  # a model is told of one set of gates, and here every drone believes in its own
+            each = [{name: _of_row(row, name, value) for name, value in taken.items()} for row in range(len(told))]
+            self.previous = np.concatenate([self._run(inputs) for inputs in each])
         return self.previous
 
     def _check_gates(self, view: View) -> None:
@@ -209,6 +215,13 @@ class _Whole(_Network):
                 f"exported policy {self.meta.name!r} knows upright rectangular gates alone, and some here lean or are "
                 "round: fly the policy itself"
             )
+
+
+def _of_row(row: int, name: str, value: np.ndarray) -> np.ndarray:
+    """Of the inputs of a batch those of one row, as a batch of one."""
+    if name == "gate_size":
+        return value
+    return value[row] if name in ("gate_position_w", "gate_yaw") else value[[row]]
 
 
 def first_action(meta: PolicyMeta) -> tuple[float, ...]:

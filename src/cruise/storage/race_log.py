@@ -4,7 +4,7 @@ import dataclasses
 import io
 import zipfile
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,6 +19,13 @@ FORMAT_VERSION = 2  # 1: no tilt, shape and solids
 
 __all__ = ["COLLISIONS", "EVENT_KINDS", "NOBODY", "EventKind", "RaceLog", "load_race_log"]
 NOBODY = -1  # in `event_gate` and `event_other`: none
+
+
+def flown_in(pilots: Sequence[str], vehicles: Sequence[str]) -> tuple[str, ...]:
+    """What tells drones apart: their pilots' names, where vehicles differ with those."""
+    if len(set(vehicles)) == 1:
+        return tuple(map(str, pilots))
+    return tuple(f"{pilot} ({vehicle})" for pilot, vehicle in zip(pilots, vehicles, strict=True))
 
 
 @dataclass(frozen=True)
@@ -50,7 +57,7 @@ class RaceLog:
     event_kind_names: np.ndarray  # [K] those of `cruise.racing.events`, in this program's order
     pilots: np.ndarray  # [N] names
     track: str
-    vehicle: str
+    vehicle: str  # in a mixed field the names of all
     laps: int
     control_dt: float  # s between two samples
     collision_distance: float  # m
@@ -63,11 +70,12 @@ class RaceLog:
     solid_position: np.ndarray = None  # type: ignore[assignment]  # [S, 3] centres of those boxes, m
     solid_yaw: np.ndarray = None  # type: ignore[assignment]  # [S] heading of their first side, rad
     solid_size: np.ndarray = None  # type: ignore[assignment]  # [S, 3] length along it, width, height, m
+    vehicles: np.ndarray = None  # type: ignore[assignment]  # [N] names
     version: int = FORMAT_VERSION
 
     def __post_init__(self) -> None:
         """Where nothing is said of tilt, shapes and solids, gates are upright rectangles and nothing else stands."""
-        given = {name: getattr(self, name) for name in (*_SINCE, "gate_yaw")}
+        given = {name: getattr(self, name) for name in (*_SINCE, "gate_yaw", "pilots", "vehicle")}
         for name, value in given.items():
             if value is None:
                 object.__setattr__(self, name, _SINCE[name](given))
@@ -76,6 +84,11 @@ class RaceLog:
     def num_drones(self) -> int:
         """N."""
         return self.position_w.shape[1]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What tells drones apart: their pilots' names, in a mixed field with their vehicles."""
+        return flown_in(self.pilots.tolist(), self.vehicles.tolist())
 
     @property
     def num_gates(self) -> int:
@@ -106,7 +119,7 @@ def load_race_log(path: Path | str) -> RaceLog:
     version = arrays.get("version")
     if version is not None and version.shape == () and not 1 <= version <= FORMAT_VERSION:
         raise CruiseError(f"{where}: format version {version}, this program reads up to {FORMAT_VERSION}")
-    if "gate_yaw" in arrays:
+    if {"gate_yaw", "pilots", "vehicle"} <= arrays.keys():
         arrays = {name: np.asarray(absent(arrays)) for name, absent in _SINCE.items()} | arrays
     _check_arrays(arrays, where)
     _check_values(arrays, where)
@@ -151,6 +164,7 @@ _LAYOUT: dict[str, tuple[str, str]] = {
     "solid_position": ("f", "S3"),
     "solid_yaw": ("f", "S"),
     "solid_size": ("f", "S3"),
+    "vehicles": ("U", "N"),
     "version": ("i", ""),
 }
 # Arrays that the first logs did not have, and what held there.
@@ -164,6 +178,7 @@ _SINCE: dict[str, Callable[[Mapping[str, np.ndarray]], np.ndarray | float]] = {
     "solid_position": lambda log: np.zeros((0, 3)),
     "solid_yaw": lambda log: np.zeros(0),
     "solid_size": lambda log: np.zeros((0, 3)),
+    "vehicles": lambda log: np.full(np.shape(log["pilots"]), str(log["vehicle"])),
 }
 _KINDS = {"f": "floats", "i": "integers", "b": "booleans", "U": "text"}
 

@@ -25,7 +25,7 @@ class RaceInfo(NamedTuple):
 
     track: Track
     laps: int
-    vehicle: str
+    vehicle: str | Sequence[str]  # its name, or one per drone
     collision_distance: float  # [m]
     pilots: Sequence[str]  # names, one per drone
     collision_aspect: float = 1.0  # height per width of the ellipsoid in which two drones collide
@@ -78,7 +78,8 @@ def _one_log(flight: Flight, info: RaceInfo, events: _Events, race: int) -> Race
         event_other=mine.other,
         event_kind_names=np.array(EVENT_KINDS),
         pilots=np.array(info.pilots, dtype=str),
-        vehicle=info.vehicle,
+        vehicle=info.vehicle if isinstance(info.vehicle, str) else ", ".join(dict.fromkeys(info.vehicle)),
+        vehicles=np.broadcast_to(np.array(info.vehicle, dtype=str), airborne.shape[1]).copy(),
         laps=info.laps,
         control_dt=flight.control_dt,
         collision_distance=info.collision_distance,

@@ -13,7 +13,7 @@ from jaxtyping import Array, UInt32
 from cruise.config import Track, TrainConfig, Vehicle
 from cruise.env.payment import find_reward_terms, make_reward
 from cruise.env.race_env import RaceEnv, make_race_env
-from cruise.env.randomise import made_for, perturbation
+from cruise.env.randomise import made_for, perturbation, rival_spreads
 from cruise.env.types import RaceState, Rules, stage_rules
 from cruise.errors import CruiseError
 from cruise.pilots.network import ActorCritic, NetworkShape
@@ -69,7 +69,9 @@ class Trainer:
         self.steps_per_update = config.ppo.races * config.ppo.rollout_steps
         self.total_steps = self.total_updates * self.steps_per_update
         vehicle = made_for(vehicle, config.randomisation)
-        perturb = perturbation(track, vehicle, config.randomisation, config.milder_share, config.nominal_share)
+        shares = config.milder_share, config.nominal_share
+        rivals = rival_spreads(config.opponents)
+        perturb = perturbation(track, vehicle, config.randomisation, *shares, sensing=config.sensing, rivals=rivals)
         reward = make_reward(config.reward, find_reward_terms(config.reward_terms))
         self.env: RaceEnv = make_race_env(track, config.drones, vehicle, config.observation, reward, perturb)
         self.optimiser = make_optimiser(config.ppo, self.total_updates)

@@ -4,10 +4,11 @@ import dataclasses
 import math
 from collections.abc import Iterator
 
-from cruise.config import PPOConfig, SelfPlayConfig, TrainConfig, Vehicle
+from cruise.config import PPOConfig, Randomisation, SelfPlayConfig, TrainConfig, Vehicle
+from cruise.env.draw_sensing import check_sensing
 from cruise.env.observation import find_observation
 from cruise.env.payment import find_reward_terms
-from cruise.env.randomise import check_randomisation
+from cruise.env.randomise import check_randomisation, rival_spreads
 from cruise.errors import CruiseError
 from cruise.storage.policy_file import MAX_WIDTH
 from cruise.training.curriculum import plan_phases
@@ -45,6 +46,8 @@ def _faults(config: TrainConfig) -> Iterator[str]:
         yield f"seed must be between 0 and {MAX_SEED}, not {config.seed}"
     if known:
         check_randomisation(find_vehicle(config.vehicle), config.randomisation)
+        check_randomisation(find_vehicle(config.vehicle), Randomisation(**rival_spreads(config.opponents)))
+    check_sensing(config.sensing)
     for part in (config, config.reward, config.ppo, config.opponents):
         yield from _not_finite(part)
     yield from _below(1, config, "episode_steps")

@@ -74,7 +74,7 @@ def _pack_drone(log: RaceLog, result: DroneResult, drone: int, ghost: bool) -> d
     states = (array[flown, drone] for array in (log.position_w, log.velocity_w, log.euler))
     return {
         "number": drone + 1,
-        "pilot": str(log.pilots[drone]),
+        "pilot": log.names[drone],
         "colour": drone_colour(drone),
         "ghost": ghost,
         "fate": result.fate,

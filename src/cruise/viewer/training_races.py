@@ -138,7 +138,7 @@ class TrainingRaces:
         steps = round(TIME_LIMIT / self.env.dynamics.control_dt)
         flight = fly(self.env, (pilot,) * self.config.drones, rules, jax.random.key(seed), steps, (1,))
         names = (pilot.name,) * self.config.drones
-        return race_logs(flight, RaceInfo(self.track, LAPS, self.vehicle.name, distance, names))[0]
+        return race_logs(flight, RaceInfo(self.track, LAPS, (self.vehicle.name,), distance, names))[0]
 
 
 def _processor() -> jax.Device | None:

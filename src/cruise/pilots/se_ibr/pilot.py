@@ -9,7 +9,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from cruise.config import Vehicle
+from cruise.env.mixed import as_one
 from cruise.env.race_env import RaceEnv
+from cruise.env.surroundings import as_known_by
 from cruise.env.types import RaceState
 from cruise.errors import CruiseError
 from cruise.pilots.base import must_know
@@ -42,8 +44,8 @@ def _traced(style: Style | Setting) -> Style | Setting:
 class SeIbrPilot(eqx.Module):
     """Sensitivity-enhanced iterative best response (Wang, Taubner and Schwager, 2020) for any number of drones.
 
-    It plans for all drones from the true state of the race, its opponents' included, as if all of them planned as it
-    does, and flies its own part of the plan. `docs/se-ibr.md` describes the game.
+    It plans for all drones from the state of the race, its opponents' included, as if all of them planned as it does,
+    and flies its own part of the plan. `docs/se-ibr.md` describes the game.
     """
 
     style: Style | Setting = eqx.field(converter=_traced)  # numbers, or arrays that broadcast over [N, *B]; or by name
@@ -71,6 +73,8 @@ class SeIbrPilot(eqx.Module):
         line = make_centre_line(env.track)
         style = self.style if isinstance(self.style, Style) else style_of(self.style, env.track, vehicle)
         style = Style(*(_per_drone(value, state.next_gate.ndim) for value in style))
+        state = as_known_by(state, drones)
+        state = state._replace(drones=as_one(env.groups, state.drones))
         traffic = _traffic(style, self._tracker(env), drones, state)
         progress = start_progress(line, traffic.position_w, state.next_gate)
         plan = first_plan(line, self.algorithm, traffic, progress)
@@ -82,6 +86,8 @@ class SeIbrPilot(eqx.Module):
     ) -> tuple[PlannerMemory, Float[Array, "A n *B"]]:
         """Plan when it is time to, and follow the plan."""
         del key
+        state = as_known_by(state, drones)
+        state = state._replace(drones=as_one(env.groups, state.drones))
         line, period = make_centre_line(env.track), self._period(env)
         tracker = self._tracker(env)
         traffic = _traffic(memory.style, tracker, drones, state)
