@@ -113,7 +113,7 @@ def make(
     drones: int | None = None,
     vehicle: VehicleChoice = "paper",
     *,
-    layout: Layout = "races-last",
+    layout: Layout | str = "races-last",
     **options: Any,
 ) -> FunctionalRaces:
     """The race as pure functions for learning loops in JAX: `env.reset(key, ...)`, `env.step(key, state, action)`.
