@@ -81,6 +81,8 @@ def meta_base(meta):
 def test_through_gymnasium(vehicle, tmp_path):
     import gymnasium
 
+    import cruise.gym  # noqa: F401  (registers the races)
+
     file = written(tmp_path, "body")
     field = {"drones": 1} if vehicle == "racer" else {"opponents": ["hover"]}
     race = {"track": "ring", "vehicle": vehicle, **field}
@@ -92,7 +94,7 @@ def test_through_gymnasium(vehicle, tmp_path):
     action = np.full(env.action_space.shape, 0.5, np.float32)
     seen, reward, _, _, info = env.step(action)
     assert seen in env.observation_space
-    components = {k: v for k, v in info["reward_components"].items() if not k.startswith("_")}
+    components = {k.removeprefix("reward_"): v for k, v in info.items() if k.startswith("reward_")}
     assert components["effort"] == pytest.approx(-0.01 * float((action**2).sum()), abs=1e-6)
     assert sum(components.values()) == pytest.approx(reward, abs=1e-5)
     env.close()

@@ -81,30 +81,38 @@ def _act_again(model: ActorCritic, batch: Batch) -> tuple[Float[Array, "A *B"], 
 
 
 def ppo_loss(
-    model: ActorCritic, batch: Batch, config: PPOConfig, entropy_weight: Array
+    model: ActorCritic, batch: Batch, config: PPOConfig, entropy_weight: Array, spread: Array | None = None
 ) -> tuple[Array, dict[str, Array]]:
     """Clipped surrogate + value error - entropy, over a minibatch, advantages standardised.
 
-    Components lead; of sequences [T C E] time does.
+    Components lead; of sequences [T C E] time does. `spread` is the variance of the value targets, by default those of
+    the minibatch.
     """
+    spread = 1e-6 + (batch.value_target.var() if spread is None else spread)
     mean, value = _act_again(model, batch)
     action = batch.action if batch.begins is None else jnp.moveaxis(batch.action, 0, 1)
     new_log_prob = log_prob(mean, model.log_std, action, batch.noise_scale)
     log_ratio = new_log_prob - batch.log_prob
     policy_loss = clipped_surrogate(jnp.exp(log_ratio), batch.advantage, config.clip_ratio)
     value_loss = optax.l2_loss(value, batch.value_target).mean()
-    spread = batch.value_target.var() if config.value_loss == "relative" else 1.0
+    value_scale = spread if config.value_loss == "relative" else 1.0
     entropy = (model.log_std + 0.5 * jnp.log(2 * jnp.pi * jnp.e)).sum()
-    loss = policy_loss + config.value_weight * 2 * value_loss / (spread + 1e-6) - entropy_weight * entropy
+    loss = policy_loss + config.value_weight * 2 * value_loss / value_scale - entropy_weight * entropy
     metrics = {
         "loss/policy": policy_loss,
         "loss/value": value_loss,
-        "value/explained": 1.0 - 2 * value_loss / (batch.value_target.var() + 1e-6),
+        "value/explained": 1.0 - 2 * value_loss / spread,
         "policy/clipped": jnp.mean(jnp.abs(jnp.expm1(log_ratio)) > config.clip_ratio),
         "policy/entropy": entropy,
         "policy/kl": jnp.mean(jnp.expm1(log_ratio) - log_ratio),
     }
     return loss, metrics
+
+
+def _variance(values: Array, axis: str | None) -> Float[Array, ""]:
+    """Of the numbers on all devices of the mesh axis."""
+    mean, square = mean_over_devices((values.mean(), (values * values).mean()), axis)
+    return jnp.maximum(square - mean * mean, 0.0)
 
 
 def _ceiling(model: ActorCritic, max_log_std: Array) -> Float[Array, "P"]:
@@ -133,10 +141,11 @@ def make_learn(
         minibatch_of, units = make_minibatches(batch, config, axis)
         entropy_weight = exploration(state.updates)
         parameters, unflatten = ravel_pytree(state.model)
+        spread = _variance(batch.value_target, axis)
         most = _ceiling(state.model, widest(state.updates))
 
         def loss(parameters: Array, minibatch: Batch) -> tuple[Array, dict[str, Array]]:
-            return ppo_loss(unflatten(parameters), minibatch, config, entropy_weight)
+            return ppo_loss(unflatten(parameters), minibatch, config, entropy_weight, spread)
 
         def minibatch_step(carry: tuple, chosen: Array) -> tuple:
             parameters, opt_state = carry
