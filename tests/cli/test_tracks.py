@@ -65,10 +65,10 @@ def test_unreadable_files_give_one_line(case, command, tmp_path, capsys):
         (
             ["trakcs", "list"],
             2,
-            "error: unknown command 'trakcs': did you mean 'tracks'? commands: race, replay, train",
+            "error: unknown command 'trakcs': did you mean 'tracks'? commands: race, fly, replay, train",
         ),
-        (["xyz"], 2, "error: unknown command 'xyz': commands: race, replay, train"),
-        (["tracks"], 2, "Expected one of {list, show, check, random}"),
+        (["xyz"], 2, "error: unknown command 'xyz': commands: race, fly, replay, train"),
+        (["tracks"], 2, "Expected one of {list, show, check, draw, import, random}"),
         (["tracks", "shwo"], 2, "Available subcommands: list, show, check"),
         (["tracks", "show"], 2, "NAME|FILE"),
         (["tracks", "list", "--bogus"], 2, "Unrecognized options: --bogus"),
