@@ -233,8 +233,12 @@ def _contact(kind: EventKind, flight: Flight, hits: _Hits, info: RaceInfo) -> _C
     elif kind == EventKind.COLLISION_BOUNDS:
         fraction = _leave_box(info.track, start, end)
     else:
-        solid = next(one for one in KINDS if one.name == kind.hit)
-        met = [solid.contact(column, start, end) for column in _solids_flown(flight, info.track, kind.hit, hits.race)]
+        met = [
+            solid.contact(column, start, end)
+            for solid in KINDS
+            if solid.name == kind.hit
+            for column in _solids_flown(flight, info.track, kind.hit, hits.race)
+        ]
         fraction = np.min([fraction, *met], axis=0)
     return _Contact(np.minimum(fraction, 1.0), gate, other)
 
