@@ -94,7 +94,7 @@ def _c(block: Block, folder: Path, names: dict) -> None:
 
 def _shell(block: Block, folder: Path, names: dict) -> None:
     for words in _commands(block):
-        program, arguments = words[0].removeprefix(".venv/bin/"), words[1:]
+        program, *arguments = words
         if program == "cruise":
             _cruise(block, arguments)
         elif program == "make":
@@ -111,7 +111,7 @@ def _commands(block: Block) -> Iterator[list[str]]:
     for line in block.text.splitlines():
         words = shlex.split(line.replace("[--json]", "--json"), comments=True)
         if words:
-            yield words
+            yield [words[0].removeprefix(".venv/bin/"), *words[1:]]
 
 
 def _cruise(block: Block, arguments: list[str]) -> None:
