@@ -251,7 +251,7 @@ BAD = {
     "leaves": (lambda view: sys.exit(), "drone 1, 0.00 s into the race: raised SystemExit ("),
     "leaves with a word": (lambda view: sys.exit("enough"), "raised SystemExit: enough ("),
     "is cancelled": (Cancels, "raised CancelledError ("),
-    "slow": (Sleeps, "its budget of 20 ms; give it more with --budget-ms, or make it faster"),
+    "slow": (Sleeps, "its budget of 20 ms; make it faster, or give it more (--budget-ms)"),
     "endless": (Endless, "was not done within its budget of 20 ms"),
     "too few rows": (Batch(lambda view: np.zeros((1, 3))), "gave an array of shape [1, 3], expected shape [6, 3]"),
     "nan in a row": (Batch(one_nan), f"drone 3, 0.00 s into the race: gave [0.0, nan, 0.0], {WANTED}"),
