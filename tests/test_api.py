@@ -55,7 +55,9 @@ def test_replay(tmp_path):
 def test_a_policy_for_random_tracks_is_measured_on_unseen_ones(monkeypatch):
     """The tracks of its training are no measure; a run on any other track is measured on that track."""
     measured = []
-    monkeypatch.setattr(api_training, "evaluate_policy", lambda policy, track, episodes: measured.append(track))
+    monkeypatch.setattr(
+        api_training, "evaluate_policy", lambda policy, track, episodes, sensing: measured.append(track)
+    )
     monkeypatch.setattr(api_training, "draw_training", lambda *_: None)
     monkeypatch.setattr(api_training, "read_metrics", lambda folder: [])
     monkeypatch.setattr(random_track, "TRAINING", 3)
