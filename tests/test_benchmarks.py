@@ -194,7 +194,7 @@ def test_a_command_in_a_process_of_its_own(tmp_path: Path):
     assert 10 < run.peak_memory_mb < 2000
     assert peak_memory_mb() > 10
     with pytest.raises(RuntimeError, match="unknown command"):
-        run_command(tmp_path, "fly")
+        run_command(tmp_path, "walk")
 
 
 def test_a_slower_state_is_warned_of():
