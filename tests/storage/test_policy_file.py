@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from cruise.config import TrainConfig
+from cruise.config import Randomisation, TrainConfig
 from cruise.errors import CruiseError
 from cruise.presets import RANDOMISATION, TRACKS
 from cruise.racing.track_file import RANDOM
@@ -85,7 +85,7 @@ def test_what_is_shipped_is_sound():
         assert (about.results["track"], about.results["drones"]) == (about.track, about.drones)
         assert load_policy(name).name == name
         if name.endswith("-sturdy"):
-            assert about.config["randomisation"] == dataclasses.asdict(RANDOMISATION[about.vehicle])
+            assert Randomisation(**about.config["randomisation"]) == RANDOMISATION[about.vehicle]
 
 
 def edited(change):
