@@ -13,7 +13,7 @@ from jax.errors import KeyReuseError
 from scipy.stats import spearmanr
 
 from cruise.adapters.compiled import Plan, _draw
-from cruise.config import SelfPlayConfig, TrainConfig
+from cruise.config import Pole, SelfPlayConfig, Sensing, TrainConfig
 from cruise.env.race_env import make_race_env
 from cruise.env.randomise import made_for, perturbation
 from cruise.presets import RANDOMISATION, TRACKS, VEHICLES
@@ -78,23 +78,25 @@ def watched(monkeypatch: pytest.MonkeyPatch) -> Iterator[Uses]:
 
 
 def random_env(drones: int = 3, milder_share: float = 0.3):
-    """Everything that can be random: vehicle, air, sensors, gates, track, and how much of it."""
-    track, full = random_tracks(0, 3), RANDOMISATION["racer"]
+    """Everything that can be random: vehicle, air, sensors, gates, solids, track, and how much of it."""
+    track = dataclasses.replace(random_tracks(0, 3), obstacles=(Pole((0.0, 0.0, 0.0), 3.0, 0.2),))
+    full = dataclasses.replace(RANDOMISATION["racer"], gate_tilt=0.1, solid_shift=0.1)
     vehicle = made_for(VEHICLES["racer"], full)
-    perturb = perturbation(track, vehicle, full, milder_share=milder_share, nominal_share=milder_share)
+    shares = {"milder_share": milder_share, "nominal_share": milder_share}
+    perturb = perturbation(track, vehicle, full, sensing=Sensing("camera"), **shares)
     return make_race_env(track, drones, vehicle, "body", perturb=perturb)
 
 
 def test_a_start_uses_every_key_once(monkeypatch):
     with watched(monkeypatch) as uses:
-        random_env().reset(jax.random.key(0), (4,))
+        random_env().reset(jax.random.key(0), (4,), spread=0.5)
     assert len(uses.used) > 20
     assert uses.faults() == []
 
 
 def test_a_rollouts_draws_use_every_key_once(monkeypatch):
     with watched(monkeypatch) as uses:
-        draw(random_env(), jax.random.key(0), 4, 2, vary_field=True)
+        draw(random_env(), jax.random.key(0), 4, 2, vary_field=True, spread=0.5, retry=0.5)
     assert uses.faults() == []
 
 
@@ -162,9 +164,10 @@ def test_starts_know_nothing_of_what_is_random_about_them():
 def test_an_adapters_pilots_have_a_key_of_their_own():
     """What they draw from is no key that any later start of the races comes from."""
     plan = Plan(random_env(1), (), (0,), "body", "disabled", jnp.int32(0))
-    keys, found = jax.random.split(jax.random.key(0), 3), []
+    keys, found = jax.random.key_data(jax.random.split(jax.random.key(0), 3)).T, []
     for _ in range(2):
         keys, _, spare = _draw(plan, keys)
-        found += names(spare) + names(keys)
-        assert not set(found) & set(names(jax.vmap(lambda key: jax.random.split(key, 8))(keys)))
+        here, theirs = (jax.random.wrap_key_data(data.T) for data in (keys, spare))
+        found += names(theirs) + names(here)
+        assert not set(found) & set(names(jax.vmap(lambda key: jax.random.split(key, 8))(here)))
     assert len(set(found)) == 12

@@ -164,9 +164,9 @@ def _who_flies_what(vehicles: tuple[Vehicle, ...], dynamics: Dynamics | None) ->
 
 def _some_spread(course: Course, key: Array, start: Start, share: float, plan: StartPlan | None) -> Start:
     """Each race with probability `share` from a spread start in place of `start`."""
-    spread_key, chosen_key = jax.random.split(jax.random.fold_in(key, 1))
+    start_key, chosen_key = jax.random.split(key)
     drones, *batch = start.heading.shape
-    along = spread_start(course, spread_key, drones, tuple(batch), plan)
+    along = spread_start(course, start_key, drones, tuple(batch), plan)
     chosen = jax.random.uniform(chosen_key, tuple(batch)) < share
     return Start(*(jnp.where(chosen, one, other) for one, other in zip(along, start, strict=True)))
 
@@ -215,12 +215,12 @@ def make_race_env(
 
     def reset(key: Array, batch: tuple[int, ...] = (), gate: int | None = None, spread: float = 0.0) -> RaceState:
         """`spread`: share of the races whose drones start all along the track."""
-        start_key, conditions_key = jax.random.split(key)
+        start_key, conditions_key, spread_key = jax.random.split(key, 3)
         conditions = perturb(conditions_key, (num_drones, *batch)) if perturb else AS_SAID
         here = _with_gates(env_course, conditions.surroundings)
         start = start_grid(here, start_key, num_drones, batch, gate, plan)
         if spread:
-            start = _some_spread(here, start_key, start, spread, along)
+            start = _some_spread(here, spread_key, start, spread, along)
         return begin(start, conditions)
 
     def step(state: RaceState, action: Float[Array, "A N *B"], rules: Rules) -> tuple[RaceState, StepOutcome]:

@@ -123,9 +123,9 @@ def draw_conditions(
     `offsets`, by the names of spreads, are relative deviations that are no chance: those of the middle of each spread.
     `sensors` are what drones know the race by; None: they know it exactly.
     """
-    parts = jax.random.split(key, 4)
+    parts = jax.random.split(key, 5)
     mapped, gates = _gates(track, strengths, parts[1], shape[1:])
-    sensed = draw_sensed(sensors, mapped, len(track.gates), jax.random.fold_in(key, 4), shape) if sensors else None
+    sensed = draw_sensed(sensors, mapped, len(track.gates), parts[4], shape) if sensors else None
     surroundings = Surroundings(
         gates=gates,
         gusts=_gusts(strengths, parts[2], shape[1:]),
@@ -203,13 +203,13 @@ def _gates(track: Track, strengths: Strengths, key: Array, races: Shape) -> tupl
     moved, tilted, shifted = (not names.isdisjoint(strengths) for names in (MOVED, {"gate_tilt"}, {"solid_shift"}))
     if not (moved or tilted or shifted or track.variants):
         return None, None
-    shift_key, turn_key, variant_key = jax.random.split(key, 3)
+    shift_key, turn_key, variant_key, tilt_key, solids_key, shape_key = jax.random.split(key, 6)
     variants = track.variants or (track.gates,)
     variant = jax.random.randint(variant_key, races, 0, len(variants))
     position, yaw = _standing(variants, variant)
     half_size = None
     if track.reshaped:
-        position, yaw, half_size = reshaped(track, position, yaw, jax.random.fold_in(key, 5))
+        position, yaw, half_size = reshaped(track, position, yaw, shape_key)
     mapped = MovedGates(position, jnp.stack([jnp.cos(yaw), jnp.sin(yaw)]))
     if moved:
         gates = len(track.gates)
@@ -218,8 +218,8 @@ def _gates(track: Track, strengths: Strengths, key: Array, races: Shape) -> tupl
         half_height = jnp.array([gate.height / 2 for gate in track.gates]).reshape(gates, *(1,) * len(races))
         lowest = jnp.minimum(position[2], half_height if half_size is None else half_size[1])
         position, yaw = (position + shift).at[2].max(lowest), yaw + turn
-    tilt = _tilts(variants, variant, strengths.get("gate_tilt"), jax.random.fold_in(key, 3))
-    solids = _solids(track, variant, strengths.get("solid_shift"), jax.random.fold_in(key, 4))
+    tilt = _tilts(variants, variant, strengths.get("gate_tilt"), tilt_key)
+    solids = _solids(track, variant, strengths.get("solid_shift"), solids_key)
     return mapped, MovedGates(position, jnp.stack([jnp.cos(yaw), jnp.sin(yaw)]), half_size, tilt, solids)
 
 
