@@ -18,7 +18,6 @@ ARM_BOX, OVERRIDE_BOX = 0, 50  # permanent numbers
 LOW, HIGH = 1000, 2000  # of a switch [us]
 NEUTRAL = (1500, 1500, LOW, 1500)
 MOST_PENDING = 4096  # bytes that are no message yet
-OVERRIDE_MASK = 31
 
 
 @runtime_checkable

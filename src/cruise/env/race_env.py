@@ -200,7 +200,7 @@ def make_race_env(
     paid = reward if isinstance(reward, Reward) else make_reward(reward or RewardWeights())
     env_course = make_course(track)
     passes = passes_per_step(track, dynamics.control_dt)
-    plan, along = start_plan(track, num_drones), spread_plan(track, num_drones)
+    plan = start_plan(track, num_drones)
     perturb = perturb or perturbation(track, vehicles, Randomisation())
     aspect = max(one.collision_aspect for one in vehicles)
 
@@ -220,7 +220,7 @@ def make_race_env(
         here = _with_gates(env_course, conditions.surroundings)
         start = start_grid(here, start_key, num_drones, batch, gate, plan)
         if spread:
-            start = _some_spread(here, spread_key, start, spread, along)
+            start = _some_spread(here, spread_key, start, spread, spread_plan(track, num_drones))
         return begin(start, conditions)
 
     def step(state: RaceState, action: Float[Array, "A N *B"], rules: Rules) -> tuple[RaceState, StepOutcome]:

@@ -4,7 +4,6 @@ import dataclasses
 import itertools
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -76,7 +75,7 @@ def spread_plan(track: Track, drones: int) -> StartPlan | None:
 
     None, which stands for all gates, where there is no room for so many.
     """
-    anywhere = replace(track, start=None)
+    anywhere = dataclasses.replace(track, start=None)
     for rows in range(1, drones + 1):
         fits = [grid is not None for grid in grids_that_fit(anywhere, rows, (FILE,))]
         if rows * sum(fits) >= drones:

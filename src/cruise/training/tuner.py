@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 from cruise.errors import CruiseError, one_line
 from cruise.extras import import_extra
 from cruise.storage.atomic import write_atomically
-from cruise.training.tuning import SPACE, Range, Search, applied, try_settings, usual_settings
+from cruise.training.tuning import SPACE, Range, Search, try_settings, usual_settings
 
 RECORD, BEST = "trials.jsonl", "best.json"
 TOLD = 300  # characters of what went wrong
@@ -160,6 +160,5 @@ def _write(folder: Path, found: list[Tried]) -> None:
 def best_of(search: Search, found: list[Tried]) -> str:
     """The flags of `cruise train` that the best trial differs by from the configuration that was searched around."""
     usual = usual_settings(search.config, list(found[0].settings))
-    applied(search.config, found[0].settings)
     changed = {name: value for name, value in found[0].settings.items() if value != usual[name]}
     return " ".join(f"--{name.replace('_', '-')} {value:.3g}" for name, value in changed.items())
