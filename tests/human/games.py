@@ -1,6 +1,7 @@
 """A small game that the tests of this folder share, and a server of it in a thread."""
 
 import asyncio
+import concurrent.futures
 import contextlib
 import functools
 import threading
@@ -28,6 +29,12 @@ def small_game(folder, seats=1, **rules):
     )
     game.lines = lines
     return game
+
+
+def run(coroutine):
+    """What it gives; in a thread of its own, for a browser that other tests opened keeps a loop in this one."""
+    with concurrent.futures.ThreadPoolExecutor(1) as threads:
+        return threads.submit(asyncio.run, coroutine).result()
 
 
 @contextlib.contextmanager

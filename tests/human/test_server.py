@@ -16,7 +16,7 @@ from cruise.human import game as games
 from cruise.human.laps import Board, laps_of
 from cruise.human.server import Server
 from cruise.storage.race_log import load_race_log
-from tests.human.games import PATIENCE, served, small_game, small_match
+from tests.human.games import PATIENCE, run, served, small_game, small_match
 from tests.human.hostile import HOSTILE, USUAL
 
 
@@ -118,7 +118,7 @@ def test_no_way_in_from_elsewhere_or_without_the_token(game):
             {"origin": f"http://localhost:{port}"},
             {"origin": "null"},
         ):
-            assert asyncio.run(refused(server, **told)) == 403
+            assert run(refused(server, **told)) == 403
 
 
 async def answer_to(server, message):
@@ -147,7 +147,7 @@ def test_fifty_hostile_messages_are_refused_while_a_race_goes_on(tmp_path, monke
             assert player.told["phase"]["name"] == "racing"
 
     with served(small_game(tmp_path, seats=2)) as server:
-        asyncio.run(fly(server))
+        run(fly(server))
 
 
 def test_a_race_is_kept_and_so_is_its_best_lap(tmp_path):
@@ -165,7 +165,7 @@ def test_a_race_is_kept_and_so_is_its_best_lap(tmp_path):
             return player.told
 
     with served(small_game(tmp_path, hurry=True)) as server:
-        told = asyncio.run(fly(server))
+        told = run(fly(server))
     mine = next(row for row in told["results"] if row["drone"] == 0)
     assert (mine["pilot"], mine["fate"]) == ("human Ada", "finished")
     assert mine["time"] < 60  # in assisted mode, by who only pushes forward
@@ -193,7 +193,7 @@ def test_a_page_that_goes_never_stops_the_race(game, monkeypatch):
             await asyncio.sleep(0.05)
 
     with served(game) as server:
-        asyncio.run(asyncio.wait_for(fly(server), PATIENCE))
+        run(asyncio.wait_for(fly(server), PATIENCE))
     log = load_race_log(next(game.board.folder.glob("*.npz")))
     mine, rival = race_result(log).drones
     assert mine.fate == "retired"
@@ -218,7 +218,7 @@ def test_a_log_that_cannot_be_written_is_said_and_races_go_on(game, monkeypatch)
             await player.phase("racing")
 
     with served(game) as server:
-        asyncio.run(asyncio.wait_for(fly(server), PATIENCE))
+        run(asyncio.wait_for(fly(server), PATIENCE))
     assert game.lines[0] == "not kept: cannot write it: No space left on device"
 
 
@@ -264,7 +264,7 @@ def test_addresses_that_cannot_be(game):
     with pytest.raises(CruiseError, match="--host takes an address of this machine"):
         Server(game, "my.example")
     with pytest.raises(CruiseError, match=r"cannot serve on 127\.0\.0\.1 port 70000"):
-        asyncio.run(Server(game, port=70000).__aenter__())
+        run(Server(game, port=70000).__aenter__())
 
 
 def test_a_board_that_is_none(tmp_path):
