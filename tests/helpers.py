@@ -1,7 +1,6 @@
 """Small things that tests of several folders share."""
 
 import contextlib
-import functools
 
 import jax
 import jax.numpy as jnp
@@ -11,9 +10,6 @@ from cruise.config import Gate, Track
 from cruise.env.observation import OBSERVATIONS
 from cruise.env.payment import REWARD_TERMS
 from cruise.pilots import terms_file
-
-# Compiled without LLVM's optimisations: half the time to compile, for functions whose logic is tested on little data.
-quick_jit = functools.partial(jax.jit, compiler_options={"xla_backend_optimization_level": 0})
 
 
 def leaves(tree: object) -> list[np.ndarray]:

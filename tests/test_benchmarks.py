@@ -27,13 +27,11 @@ from benchmarks.skill import table as skill_table
 from benchmarks.startup import Start, run_command
 from benchmarks.sweeps import GATES_SWEPT
 from benchmarks.training import train_flop, trainer_flop
-from cruise.adapters import races
 from cruise.config import PPOConfig
 from cruise.presets import TRACKS, VEHICLES
 from cruise.racing.track_file import track_faults
 from cruise.training.trainer import Trainer
 from cruise.training.types import ACTIVE
-from tests.adapters import quick
 from tests.training.runs import TINY
 
 KEYS = {
@@ -129,9 +127,8 @@ def test_as_many_races_as_memory_lets(monkeypatch):
 
 
 @pytest.mark.parametrize("interface", INTERFACES)
-def test_interfaces_are_stepped_as_often_as_is_said(interface, monkeypatch):
+def test_interfaces_are_stepped_as_often_as_is_said(interface):
     """Every step of every drone is in the unit; the races go on from call to call."""
-    monkeypatch.setattr(races, "fly_step", quick.fly_step)
     case = InterfaceCase(interface, races=3, drones=2, steps=4)
     assert case.work == (3 if interface.endswith("vector") else 1) * 2 * 4
     before = np.asarray(case.env._races.state.step).copy()

@@ -3,14 +3,11 @@
 import dataclasses
 import math
 
-import equinox as eqx
 import jax
 import numpy as np
 import pytest
 
 import cruise
-from cruise import rollout
-from cruise.adapters import races
 from cruise.adapters.gymnasium_env import RaceEnv
 from cruise.adapters.options import RaceOptions, choose
 from cruise.env.race_env import make_race_env
@@ -25,8 +22,6 @@ from cruise.presets import TRACKS, curriculum_of, training_config
 from cruise.racing.events import COLLISION_KINDS
 from cruise.storage.race_log import EventKind
 from cruise.vehicles import VEHICLES, load_vehicle
-from tests.adapters import quick
-from tests.helpers import quick_jit
 from tests.racing.obstacles import distance, pole_in_the_way, wall_in_the_way, with_solids
 from tests.storage.policies import random_network
 
@@ -37,11 +32,6 @@ base = "racer"
 mass_kg = 0.9
 control = "velocity"
 """
-# Compiled in half the time; made once, so that nothing is compiled twice.
-QUICKLY = {
-    name: eqx.filter_jit(getattr(rollout, name).__wrapped__, compiler_options={"xla_backend_optimization_level": 0})
-    for name in ("_start", "_fly_chunk", "_measured")
-}
 
 
 def one_of_everything():
@@ -68,12 +58,9 @@ def choice(request, tmp_path_factory):
 
 
 @pytest.fixture(autouse=True)
-def short_and_quickly_compiled(monkeypatch):
+def short(monkeypatch):
     monkeypatch.setattr(matches, "TIME_LIMIT", SECONDS)
     monkeypatch.setattr(matches, "SLOWEST", math.inf)
-    monkeypatch.setattr(races, "fly_step", quick.fly_step)
-    for name, quickly in QUICKLY.items():
-        monkeypatch.setattr(rollout, name, quickly)
 
 
 def network_for(vehicle, drones):
@@ -134,7 +121,7 @@ def the_learner_sees_what_the_environment_shows(choice, vehicle, pilots):
     env = RaceEnv(track=TRACK, vehicle=choice, randomise=0, opponents=[kinds[first % 5], kinds[(first + 2) % 5]])
     seen = [env.reset(seed=2)[0]]
     shown = make_race_env(TRACK, 3, load_vehicle(choice), env._races.choices.observation)
-    observe = quick_jit(shown.observe)
+    observe = jax.jit(shown.observe)
     for _ in range(3):
         np.testing.assert_allclose(seen[-1], observe(env._races.state)[:, 0, 0], atol=1e-5)
         observation, reward, *_, info = env.step(np.full(env.action_space.shape, 0.1, np.float32))
@@ -153,7 +140,7 @@ def every_agent_sees_what_the_environment_shows(choice, vehicle):
     told, _ = env.reset(seed=2)
     observation = env._races.choices.observation
     assert observation == training_config(vehicle, 2).observation
-    observe = quick_jit(make_race_env(TRACK, 2, load_vehicle(choice), observation).observe)
+    observe = jax.jit(make_race_env(TRACK, 2, load_vehicle(choice), observation).observe)
     for _ in range(2):
         shown = observe(env._races.state)[..., 0]
         for drone, agent in enumerate(env.agents):

@@ -8,7 +8,6 @@ import pytest
 import cruise
 from cruise.adapters.per_race import of_one_race
 from cruise.errors import CruiseError
-from tests.helpers import quick_jit
 
 RACES, STEPS = 3, 14
 TWO = {"track": "ring", "drones": 2, "episode_steps": 6}
@@ -29,7 +28,7 @@ def flown():
         seen, state, *told = env.step(jax.random.key(0), state, action)
         return state, (seen, *told)
 
-    @quick_jit
+    @jax.jit
     def fly():
         first, state = env.reset(seeds(7))
         return first, jax.lax.scan(step, state, actions)[1]
@@ -68,7 +67,7 @@ def test_agents_by_name_fly_the_same(flown):
         told, state, *rest = jax.vmap(env.step)(jax.random.split(jax.random.key(0), RACES), state, named)
         return state, (told, *rest)
 
-    @quick_jit
+    @jax.jit
     def fly():
         told, state = jax.vmap(env.reset)(seeds(7))
         return told, jax.lax.scan(step, state, actions)[1]
@@ -85,8 +84,8 @@ def test_agents_by_name_fly_the_same(flown):
 
 def test_a_new_start_every_time_and_none_depends_on_other_races():
     env = cruise.make("ring", 1, episode_steps=2)
-    reset = quick_jit(env.reset)
-    step = quick_jit(lambda state: env.step(jax.random.key(0), state, jnp.zeros((3, 1, len(state.pending)))))
+    reset = jax.jit(env.reset)
+    step = jax.jit(lambda state: env.step(jax.random.key(0), state, jnp.zeros((3, 1, len(state.pending)))))
 
     def starts(keys):
         seen, state = reset(keys)

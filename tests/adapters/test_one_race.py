@@ -11,7 +11,6 @@ import pytest
 import cruise
 from cruise.adapters.gymnasium_env import RaceEnv
 from cruise.adapters.gymnasium_vector import VectorFieldEnv, VectorRaceEnv
-from tests.helpers import quick_jit
 
 SEEDS, STEPS = 5, 8
 VEHICLES = ("paper", "racer", "crazyflie")
@@ -46,7 +45,7 @@ def functional(options, actions):
         seen, state, reward, *_ = env.step(keys[0], state, action.T[:, None])
         return state, (seen[:, 0].T, reward[0])
 
-    @quick_jit
+    @jax.jit
     def fly():
         first, state = env.reset(keys)
         return first[:, 0].T, jax.lax.scan(step, state, jnp.asarray(actions))[1]

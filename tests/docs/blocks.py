@@ -25,12 +25,13 @@ FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 # Flags that make a command short. They come last, where they win.
 MINIATURE = {
     "train": "--step-scale 0.001 --races 64 --episodes 4 --evaluation-races 8 --evaluation-steps 20",
-    "evaluate": "--episodes 2",
+    "evaluate": "--episodes 1",
     "racecraft": "--runs 1",
     "robustness": "--episodes 1",
     "sim-to-sim": "--episodes 1 --track ring",
     "handicap": "--episodes 1 --track ring",
-    "race": "--laps 1",
+    "race": "--laps 1 --races 1 --clip 0 1",
+    "replay": "--clip 0 1",
     "limit": "--steps 8",
     "reproduce": "--list",
 }
@@ -39,7 +40,8 @@ WATCHED = "--watch"  # serves until somebody stops it: tests/viewer/test_live.py
 WITH_OTHERS = "--coordinator"  # waits for the other processes: tests/training/test_processes.py has them
 # Commands that compile for seconds. One line of each kind runs; lines that differ from it by these values alone are
 # parsed, and what they name is looked up.
-COSTLY = ("evaluate", "train")
+COSTLY = ("evaluate", "race", "train")
+LOGGED = "--log"  # what a later line of the page may read: always flown
 VALUES = {"--vehicle", "--track", "--drones", "--episodes", "--seed", "--step-scale"}
 ELSEWHERE = {"sweep", "tune", "fly", "betaflight", "companion"}  # want Ray, a person, firmware, a drone
 
@@ -117,7 +119,8 @@ def _commands(block: Block) -> Iterator[list[str]]:
 def _cruise(block: Block, arguments: list[str]) -> None:
     command = arguments[0]
     short = [word for word in arguments if word != "--open"]
-    if command in COSTLY and (block.page, arguments) != _first_of_kinds()[_kind(arguments)]:
+    first = command not in COSTLY or (block.page, arguments) == _first_of_kinds()[_kind(arguments)]
+    if not first and LOGGED not in arguments:
         _look_up(parse(short))
         return
     if WATCHED in short or WITH_OTHERS in short or ELSEWHERE & set(short):
@@ -133,8 +136,10 @@ def _cruise(block: Block, arguments: list[str]) -> None:
 
 
 def _kind(arguments: list[str]) -> frozenset[str]:
-    """What a line asks for beside values: the command and its other flags."""
-    return frozenset(word for word in arguments if word.startswith("--")) - VALUES | {arguments[0]}
+    """What a line asks for beside values: the command, its other flags, and what it says more than once."""
+    flags = [word for word in arguments if word.startswith("--")]
+    several = {f"{flag} again" for flag in flags if flags.count(flag) > 1}
+    return frozenset(flags) - VALUES | several | {arguments[0]}
 
 
 @functools.cache

@@ -12,7 +12,6 @@ import numpy as np
 from cruise.config import Airframe, Drag, Rates, Rotors, Vehicle
 from cruise.dynamics import DroneState, Dynamics, FreeBody, make_dynamics
 from cruise.vehicles import VEHICLES
-from tests.helpers import quick_jit
 
 RACER = VEHICLES["racer"]
 
@@ -60,7 +59,7 @@ def _flyer(vehicle: Vehicle) -> Callable[..., tuple[DroneState, DroneState]]:
         state = dynamics.step(state, action, jnp.asarray(vehicle.agility, action.dtype))
         return state, state
 
-    return quick_jit(lambda state, actions: jax.lax.scan(advance, state, actions))
+    return jax.jit(lambda state, actions: jax.lax.scan(advance, state, actions))
 
 
 def fly_as_given(vehicle: Vehicle, start: DroneState, actions: np.ndarray) -> DroneState:

@@ -10,7 +10,6 @@ from cruise.config import Battery, Drag
 from cruise.dynamics import Dynamics, Parameters, Reference
 from cruise.vehicles import BATTERIES
 from tests.dynamics.quadrotors import RACER, action_for, dynamics_of, fly, state_of, with_airframe
-from tests.helpers import quick_jit
 
 WEIGHT = RACER.mass * RACER.gravity
 BLOWN = with_airframe(RACER, downwash=True)
@@ -27,7 +26,7 @@ def test_a_drone_below_another_is_pushed_down() -> None:
             return dynamics.step(state, action, RACER.agility, air), None
 
         start = dynamics.init(places, jnp.zeros(2))
-        end, _ = quick_jit(lambda state: jax.lax.scan(advance, state, length=50))(start)
+        end, _ = jax.jit(lambda state: jax.lax.scan(advance, state, length=50))(start)
         return np.asarray(places - end.position_w)
 
     assert np.abs(fallen(dynamics_of(RACER))).max() < 1e-3
@@ -75,6 +74,6 @@ def test_position_is_held_in_a_steady_wind() -> None:
     def advance(state, _):
         return dynamics.step(state, dynamics.track(state, there, RACER.agility), RACER.agility), None
 
-    end, _ = quick_jit(lambda state: jax.lax.scan(advance, state, length=250))(start)
+    end, _ = jax.jit(lambda state: jax.lax.scan(advance, state, length=250))(start)
     assert np.abs(np.asarray(end.position_w - start.position_w)).max() < 0.5
     assert float(dynamics.euler(end)[1]) < -0.05

@@ -13,7 +13,6 @@ from cruise.dynamics import DroneState, Reference
 from cruise.dynamics.tracking import towards, within_thrust
 from cruise.vehicles import VEHICLES
 from tests.dynamics.quadrotors import RACER, dynamics_of, random_attitudes, state_of
-from tests.helpers import quick_jit
 
 NAMES = ["paper", "racer", "crazyflie"]
 SETTLED = {"paper": 40.0, "crazyflie": 8.0}  # by when a reference is reached [s]
@@ -30,7 +29,7 @@ def follow(name: str, reference: Reference, seconds: float, start: DroneState | 
         return dynamics.step(state, action, vehicle.agility), None
 
     steps = round(seconds / vehicle.control_dt)
-    return quick_jit(lambda s: jax.lax.scan(advance, s, length=steps)[0])(state)
+    return jax.jit(lambda s: jax.lax.scan(advance, s, length=steps)[0])(state)
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -14,7 +14,7 @@ from cruise.env.race_env import RaceEnv, make_race_env
 from cruise.env.types import RaceState, Rules, StepOutcome, race_rules, stage_rules
 from cruise.presets import CURRICULUM, REWARDS, TRACKS, VEHICLES
 from cruise.racing.course import Course
-from tests.helpers import arrays, quick_jit
+from tests.helpers import arrays
 
 RING, EIGHT, PAPER = TRACKS["ring"], TRACKS["figure-eight"], VEHICLES["paper"]
 RANDOM_RACES = 100
@@ -24,10 +24,10 @@ RANDOM_RACES = 100
 def race_env(drones: int, track: Track = RING, reward: RewardWeights = REWARDS["default"]) -> RaceEnv:
     """An environment of the paper's vehicle with compiled functions."""
     env = make_race_env(track, drones, PAPER, reward=reward)
-    reset = quick_jit(env.reset, static_argnames=("batch", "gate"))
-    observe_as = {kind: quick_jit(function) for kind, function in env.observe_as.items()}
-    decode_as = {kind: quick_jit(function) for kind, function in env.decode_as.items()}
-    env = env._replace(reset=reset, step=quick_jit(env.step), observe_as=observe_as, decode_as=decode_as)
+    reset = jax.jit(env.reset, static_argnames=("batch", "gate"))
+    observe_as = {kind: jax.jit(function) for kind, function in env.observe_as.items()}
+    decode_as = {kind: jax.jit(function) for kind, function in env.decode_as.items()}
+    env = env._replace(reset=reset, step=jax.jit(env.step), observe_as=observe_as, decode_as=decode_as)
     return env._replace(observe=observe_as["extended"], decode=decode_as["extended"])
 
 
@@ -111,7 +111,7 @@ def _player(step: Callable) -> Callable[..., Recorded]:
         then, outcome = step(now, action, rules)
         return then, Recorded(now, action, then, outcome)
 
-    return quick_jit(lambda start, actions, rules: jax.lax.scan(lambda s, a: advance(s, a, rules), start, actions)[1])
+    return jax.jit(lambda start, actions, rules: jax.lax.scan(lambda s, a: advance(s, a, rules), start, actions)[1])
 
 
 def fly_to_gates(
@@ -139,4 +139,4 @@ def _pilot(step: Callable) -> Callable[..., Recorded]:
 
         return jax.lax.scan(advance, start, stray)[1]
 
-    return quick_jit(fly)
+    return jax.jit(fly)

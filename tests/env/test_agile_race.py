@@ -18,7 +18,7 @@ from cruise.env.surroundings import Conditions
 from cruise.env.types import RaceState, race_rules
 from cruise.presets import TRACKS, VEHICLES
 from tests.env.races import before_gate, forward
-from tests.helpers import arrays, quick_jit, yaw_matrix
+from tests.helpers import arrays, yaw_matrix
 
 RING, RACER = TRACKS["ring"], VEHICLES["racer"]
 OPPONENT_SIZE = 7  # numbers of each opponent
@@ -30,8 +30,8 @@ RULES = arrays(race_rules(RACER.agility, 0.25, 0))
 @functools.cache
 def race_env(drones: int, vehicle: Vehicle = RACER, track: Track = RING, kind: ObservationKind = "body") -> RaceEnv:
     env = make_race_env(track, drones, vehicle, kind)
-    reset = quick_jit(env.reset, static_argnums=(1, 2))
-    return env._replace(reset=reset, step=quick_jit(env.step), observe=quick_jit(env.observe))
+    reset = jax.jit(env.reset, static_argnums=(1, 2))
+    return env._replace(reset=reset, step=jax.jit(env.step), observe=jax.jit(env.observe))
 
 
 def random_race(drones: int, seed: int = 0, out: float = 0.2) -> RaceState:
@@ -252,13 +252,13 @@ def test_races_may_begin_with_drones_that_differ() -> None:
         return Conditions(Parameters(mass=RACER.mass * jax.random.uniform(key, shape, minval=1.0, maxval=1.5)))
 
     env = make_race_env(RING, 2, RACER, "body", perturb=heavier)
-    state = quick_jit(env.reset, static_argnums=1)(jax.random.key(4), (RACES,))
+    state = jax.jit(env.reset, static_argnums=1)(jax.random.key(4), (RACES,))
     usual = race_env(2).reset(jax.random.key(4), (RACES,))
     np.testing.assert_array_equal(state.drones.position_w, usual.drones.position_w)
     mass = np.asarray(state.drones.parameters.mass)
     assert len(np.unique(mass)) == 2 * RACES
     hover = jnp.zeros((4, 2, RACES)).at[0].set(2 * 9.81 / RACER.agility - 1)
-    after, _ = quick_jit(env.step)(state, hover, RULES)
+    after, _ = jax.jit(env.step)(state, hover, RULES)
     np.testing.assert_array_equal(after.drones.parameters.mass, mass)
     np.testing.assert_allclose(after.drones.velocity_w[2], -9.81 * 0.02 * (1 - RACER.mass / mass), atol=2e-3)
 

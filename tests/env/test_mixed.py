@@ -22,7 +22,7 @@ from cruise.storage.race_log import load_race_log
 from cruise.storage.recorder import RaceInfo, race_logs
 from cruise.vehicles import BATTERIES
 from cruise.viewer.packing import pack_race
-from tests.helpers import arrays, assert_trees_close, quick_jit
+from tests.helpers import arrays, assert_trees_close
 
 RING, RACER, PAPER = TRACKS["ring"], VEHICLES["racer"], VEHICLES["paper"]
 HEAVY = dataclasses.replace(RACER, name="heavy", mass=1.3 * RACER.mass)
@@ -50,7 +50,7 @@ def fly(fleet, action):
 
         return jax.lax.scan(step, env.begin(start(len(action[0]))), length=STEPS)[1]
 
-    return env, *quick_jit(run)()
+    return env, *jax.jit(run)()
 
 
 def test_every_drone_flies_as_it_does_among_its_own_kind():

@@ -17,7 +17,7 @@ from cruise.presets import CURRICULUM
 from cruise.racing.passes import opening_gaps, passes_per_step
 from cruise.racing.track_file import track_faults
 from tests.env.races import PAPER, RING, before_gate, forward, race_env, real_rules, rules_of, state_of
-from tests.helpers import leaves, quick_jit
+from tests.helpers import leaves
 
 ROOM = {"bounds_low": (-20.0, -20.0, 0.0), "bounds_high": (60.0, 20.0, 20.0), "frame_width": 0.0}
 SOLIDS = (Pole((-0.6, 0.0, 0.0), 8.0, 0.1), Wall((1.1, 0.0, 4.0), (0.1, 1.0, 8.0)))
@@ -46,7 +46,7 @@ def test_a_gate_is_not_credited_after_the_crash_of_the_same_step() -> None:
 
 def row_env(obstacles: tuple = ()) -> tuple:
     env = make_race_env(Track("row", ROW, **ROOM, obstacles=obstacles), 2, PAPER)
-    return env, quick_jit(env.step)
+    return env, jax.jit(env.step)
 
 
 BARE, SOLID = row_env(), row_env(SOLIDS)
@@ -135,7 +135,7 @@ def test_an_upright_gate_is_one_whose_tilt_is_zero() -> None:
     rules = rules_of(CURRICULUM[-1])
 
     def fly(env: object) -> list[np.ndarray]:
-        @quick_jit
+        @jax.jit
         def run(key: jax.Array) -> tuple:
             state = env.reset(key, (64,))
 
@@ -156,7 +156,7 @@ def test_an_upright_gate_is_one_whose_tilt_is_zero() -> None:
 def test_a_gate_that_looks_down_is_flown_down(angle: float) -> None:
     gate = Gate((0.0, 0.0, 6.0), 0.4, pitch=math.pi / 2, roll=angle, shape="round", width=1.5, height=1.5)
     env = make_race_env(Track("dive", (gate,), **ROOM | {"frame_width": 0.3}), 1, PAPER)
-    step = quick_jit(env.step)
+    step = jax.jit(env.step)
     for beside, name in ((0.0, "passed"), (0.7, "passed"), (0.8, "hit_frame"), (1.2, "missed")):
         position = np.array([[beside * 0.6], [beside * 0.8], [6.2]])
         state = state_of(env, position, np.array([[0.0], [0.0], [-5.0]]))

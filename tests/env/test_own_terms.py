@@ -13,7 +13,7 @@ from cruise.env.types import stage_rules
 from cruise.errors import CruiseError
 from cruise.presets import CURRICULUM, TRACKS, VEHICLES
 from cruise.terms import Entry, Observation, RewardTerm, Setting, Term, difference
-from tests.helpers import arrays, quick_jit
+from tests.helpers import arrays
 
 SPEED = Term(
     "speed", 1, "own speed", "m/s", 2.0, low=0.0, high=1.5, fn=lambda view: jnp.sqrt((view.velocity_w**2).sum(0))
@@ -30,7 +30,7 @@ def test_more_terms_come_after_those_of_another_observation(base, vehicle, reque
     state = env.reset(jax.random.key(0), (5,))
     velocity = jnp.asarray(np.random.default_rng(0).normal(size=(3, 3, 5), scale=2.0), jnp.float32)
     state = state._replace(drones=state.drones._replace(body=state.drones.body._replace(velocity_w=velocity)))
-    plain, more = (np.asarray(quick_jit(env.observe_as[one])(state)) for one in (base, name))
+    plain, more = (np.asarray(jax.jit(env.observe_as[one])(state)) for one in (base, name))
     np.testing.assert_allclose(more[:-1], plain, atol=1e-6)
     speed = np.linalg.norm(velocity, axis=0)
     np.testing.assert_allclose(more[-1], np.clip(speed / 2, 0, 1.5), atol=1e-6)
@@ -48,7 +48,7 @@ def test_a_reward_term_pays_by_its_phase(phase):
     ours, theirs = make_reward(weights, (term,)), make_reward(weights)
     env = make_race_env(TRACKS["ring"], 2, VEHICLES["paper"], reward=ours)
     state = env.reset(jax.random.key(1), (8,))
-    _, outcome = quick_jit(env.step)(state, jnp.zeros((3, 2, 8)), arrays(stage_rules(CURRICULUM[-1], 0.4)))
+    _, outcome = jax.jit(env.step)(state, jnp.zeros((3, 2, 8)), arrays(stage_rules(CURRICULUM[-1], 0.4)))
     components = {name: jnp.zeros((2, 4)) for name in outcome.components} | {"mine": jnp.full((2, 4), 0.25)}
     passed, ended = jnp.array([[False, True, False, True]] * 2), jnp.array([[False, False, True, True]] * 2)
     rules = stage_rules(CURRICULUM[-1], 0.4)

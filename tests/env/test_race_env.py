@@ -9,7 +9,6 @@ from cruise.config import Track
 from cruise.env.types import RaceState, StepOutcome
 from cruise.presets import CURRICULUM, REWARDS
 from tests.env.races import EIGHT, RING, before_gate, forward, lined_up, race_env, real_rules, rules_of, state_of
-from tests.helpers import quick_jit
 
 
 def idle(state: RaceState) -> jax.Array:
@@ -195,7 +194,7 @@ def test_time_alone_ends_nothing() -> None:
         then, outcome = env.step.__wrapped__(now, idle(now), rules)
         return then, outcome.terminated
 
-    end, terminated = quick_jit(lambda s: jax.lax.scan(advance, s, length=steps))(state)
+    end, terminated = jax.jit(lambda s: jax.lax.scan(advance, s, length=steps))(state)
     assert not np.asarray(terminated).any()
     np.testing.assert_array_equal(end.step, steps)
     np.testing.assert_array_equal(end.drones.body.position_w, state.drones.body.position_w)

@@ -19,7 +19,7 @@ from cruise.presets import RANDOMISATION, TRACKS, VEHICLES
 from cruise.racing.course import pick
 from cruise.racing.random_track import random_tracks
 from cruise.racing.solids import solid_columns
-from tests.helpers import arrays, quick_jit
+from tests.helpers import arrays
 
 RING, RACER, PAPER = TRACKS["ring"], VEHICLES["racer"], VEHICLES["paper"]
 RACES = 400
@@ -33,7 +33,7 @@ def env_with(randomisation: Randomisation, drones: int = 2) -> RaceEnv:
 
 
 def drawn(randomisation: Randomisation, drones: int = 2) -> RaceState:
-    return quick_jit(env_with(randomisation, drones).reset, static_argnums=1)(jax.random.key(0), (RACES,))
+    return jax.jit(env_with(randomisation, drones).reset, static_argnums=1)(jax.random.key(0), (RACES,))
 
 
 def test_physical_parameters_spread_evenly_drone_by_drone() -> None:
@@ -84,7 +84,7 @@ def test_tilted_gates_and_moved_solids_are_where_the_course_has_them() -> None:
     """Every race its own, evenly about the track's; the log of a race has them there."""
     track, most = TRACKS["lsy-2"], Randomisation(gate_tilt=0.1, solid_shift=0.15)
     env = make_race_env(track, 1, RACER, perturb=perturbation(track, RACER, most))
-    state = quick_jit(env.reset, static_argnums=1)(jax.random.key(0), (RACES,))
+    state = jax.jit(env.reset, static_argnums=1)(jax.random.key(0), (RACES,))
     course = env.course_of(state)
     pitch, roll = np.arctan2(course.tilt[1], course.tilt[0]), np.arctan2(course.tilt[3], course.tilt[2])
     for turn in (pitch, roll):
@@ -100,7 +100,7 @@ def test_tilted_gates_and_moved_solids_are_where_the_course_has_them() -> None:
 def test_milder_races_meet_one_part_of_all_that_is_random() -> None:
     """A share of the races is less random, every deviation of such a race by the same factor, evenly from 0 to 1."""
     vehicle = made_for(RACER, FULL)
-    draw = quick_jit(perturbation(RING, vehicle, FULL, milder_share=0.5), static_argnums=1)
+    draw = jax.jit(perturbation(RING, vehicle, FULL, milder_share=0.5), static_argnums=1)
     conditions = draw(jax.random.key(0), (64, 2 * RACES))  # 64 drones: the farthest from the middle tells the spread
     moved = np.abs(np.asarray(conditions.parameters.mass) / RACER.mass - 1).max(axis=0) / FULL.mass_spread
     pulled = np.abs(np.asarray(conditions.parameters.thrust_gain) - 1).max(axis=0) / FULL.thrust_spread
@@ -113,7 +113,7 @@ def test_milder_races_meet_one_part_of_all_that_is_random() -> None:
 
 def test_nominal_races_are_as_vehicle_and_track_say() -> None:
     """In a share of the races every number is the vehicle's own, in the others hardly any."""
-    draw = quick_jit(perturbation(RING, made_for(RACER, FULL), FULL, nominal_share=0.5), static_argnums=1)
+    draw = jax.jit(perturbation(RING, made_for(RACER, FULL), FULL, nominal_share=0.5), static_argnums=1)
     parameters, surroundings = draw(jax.random.key(0), (2, RACES))
     nominal = np.asarray(surroundings.gusts.speed) == 0
     assert np.mean(nominal) == pytest.approx(0.5, abs=0.06)
@@ -135,13 +135,13 @@ def test_a_longer_delay_is_remembered() -> None:
 def test_moved_gates_are_those_of_a_track_that_has_them_there() -> None:
     """Start, observation and step in a race with moved gates are those on a track built so."""
     moved = env_with(Randomisation(gate_shift=0.5, gate_turn=0.3))
-    state = quick_jit(moved.reset, static_argnums=1)(jax.random.key(3), (4,))
+    state = jax.jit(moved.reset, static_argnums=1)(jax.random.key(3), (4,))
     course = moved.course_of(state)
     shift = np.asarray(course.position_w) - np.array([g.position_w for g in RING.gates]).T[:, :, None]
     assert 0.4 < np.abs(shift).max() <= 0.5001
     state = state._replace(drones=state.drones._replace(body=before_the_gate(moved, state)))
     action = jnp.zeros((4, 2, 4))
-    after, outcome = quick_jit(moved.step)(state, action, RULES)
+    after, outcome = jax.jit(moved.step)(state, action, RULES)
     assert np.asarray(outcome.crossing.passed).all()
     for race in range(4):
         yaw = np.arctan2(*np.asarray(course.normal_w)[::-1, :, race])
@@ -206,7 +206,7 @@ def test_all_drag_spreads_quadratic_drag_too() -> None:
     drag = dataclasses.replace(RACER.airframe.drag, quadratic=0.03)
     body = dataclasses.replace(RACER, airframe=dataclasses.replace(RACER.airframe, drag=drag))
     for vehicle, there in ((body, True), (RACER, False)):
-        draw = quick_jit(perturbation(RING, vehicle, Randomisation(drag_spread=0.4)), static_argnums=1)
+        draw = jax.jit(perturbation(RING, vehicle, Randomisation(drag_spread=0.4)), static_argnums=1)
         parameters = draw(jax.random.key(0), (2, RACES)).parameters
         assert (parameters.quadratic_drag is not None) == there
         if there:

@@ -15,7 +15,6 @@ from cruise.presets import CURRICULUM, REWARDS
 from tests.env import paper_reference as paper
 from tests.env.races import RING, rules_of
 from tests.env.steps import crossing_of, step_of
-from tests.helpers import quick_jit
 
 DRONES, RACES = 4, 60
 STAGE = CURRICULUM[-1]
@@ -50,9 +49,7 @@ def components_of(weights: RewardWeights, step: dict[str, np.ndarray], rules: ob
         return make_reward(weights).components(step_of(s, rules))
 
     arrays = {k: jnp.asarray(v, bool if v.dtype == bool else jnp.float32) for k, v in step.items()}
-    return {
-        k: np.asarray(v) for k, v in quick_jit(compute)(arrays, rules_of(STAGE) if rules is None else rules).items()
-    }
+    return {k: np.asarray(v) for k, v in jax.jit(compute)(arrays, rules_of(STAGE) if rules is None else rules).items()}
 
 
 def each_drone(step: dict[str, np.ndarray], formula: object) -> np.ndarray:
@@ -157,7 +154,7 @@ def _total(weights: RewardWeights) -> Callable[..., jax.Array]:
         passing = {name: reward.components(step)[name] for name in reward.of_phase("passing")}
         return reward.total(rules, components | passing, passed, ended)
 
-    return quick_jit(compute)
+    return jax.jit(compute)
 
 
 def random_arrays() -> dict[str, jax.Array]:

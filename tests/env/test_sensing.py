@@ -16,7 +16,7 @@ from cruise.env.types import race_rules
 from cruise.env.view import View
 from cruise.errors import CruiseError
 from cruise.presets import TRACKS, VEHICLES
-from tests.helpers import arrays, leaves, quick_jit
+from tests.helpers import arrays, leaves
 
 RING, RACER = TRACKS["ring"], VEHICLES["racer"]
 DRONES, RACES, STEPS = 3, 4, 40
@@ -49,7 +49,7 @@ def flown(request):
     def fly(key):
         return jax.lax.scan(step, env.reset(key, (RACES,)), length=STEPS)[1]
 
-    return sensing, env, *quick_jit(fly)(jax.random.key(1))
+    return sensing, env, *jax.jit(fly)(jax.random.key(1))
 
 
 def at(tree, step):
@@ -165,10 +165,10 @@ def test_who_plans_for_all_is_shown_what_its_own_drones_know(flown):
 
 def test_exact_sensing_leaves_nothing_in_the_program():
     assert perturbation(RING, RACER, Randomisation(), sensing=EXACT) is None
-    state = quick_jit(env_of(EXACT).reset, static_argnums=1)(jax.random.key(0), (2,))
+    state = jax.jit(env_of(EXACT).reset, static_argnums=1)(jax.random.key(0), (2,))
     assert state.surroundings.sensed is None
     assert perceive(state) is state
-    moved = quick_jit(env_of(CAMERA).reset, static_argnums=1)(jax.random.key(0), (2,))
+    moved = jax.jit(env_of(CAMERA).reset, static_argnums=1)(jax.random.key(0), (2,))
     for a, b in zip(leaves(state.surroundings.gates), leaves(moved.surroundings.gates), strict=True):
         np.testing.assert_array_equal(a, b)  # sensors are drawn by a key of their own
 

@@ -15,7 +15,6 @@ from cruise.config import PPOConfig, RewardWeights, Stage, Track
 from cruise.presets import CURRICULUM, REWARDS
 from tests.env.races import EIGHT, PAPER, RING, Recorded, fly_to_gates, lined_up, race_env, record, rules_of
 from tests.env.steps import components_and_total, crossing_of
-from tests.helpers import quick_jit
 
 GAMMA, DT = PPOConfig().gamma, PAPER.control_dt
 HORIZON = 2000  # steps; what comes later is discounted to 1e-8
@@ -61,7 +60,7 @@ def _reward(weights: RewardWeights) -> Callable[..., jax.Array]:
         step |= {"flying": ~none, "collided": none}
         return components_and_total(weights, step, rules, crossing_of(passed, offset), none)[1]
 
-    return quick_jit(compute)
+    return jax.jit(compute)
 
 
 def returns(rewards: np.ndarray) -> np.ndarray:

@@ -8,7 +8,6 @@ import pytest
 from cruise.env.race_env import make_race_env
 from cruise.pilots.human import ACRO, ANGLE, ASSISTED, HOLD, flight_modes, human_pilot, stick_rate
 from cruise.presets import TRACKS, VEHICLES
-from tests.helpers import quick_jit
 
 RACER = VEHICLES["racer"]
 RATES = np.array([[2.0, 8.0, 0.5], [2.0, 8.0, 0.5], [1.0, 3.0, 0.0]])
@@ -40,7 +39,7 @@ def act():
     pilot = human_pilot("racer")
     state = env.reset(jax.random.key(0), (1,), 0)
     start = pilot.init(env, (0,), state)
-    fly = quick_jit(lambda controls: pilot.act(env, (0,), controls, state, jax.random.key(0))[1])
+    fly = jax.jit(lambda controls: pilot.act(env, (0,), controls, state, jax.random.key(0))[1])
 
     def act_(mode, sticks, centred=1.0):
         controls = start._replace(

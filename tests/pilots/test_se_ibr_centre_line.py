@@ -3,6 +3,7 @@
 import dataclasses
 import itertools
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from cruise.pilots.se_ibr.centre_line import HALF_CORRIDOR, frame_at, make_centr
 from cruise.presets import TRACKS
 from cruise.racing.track_file import load_track
 from cruise.racing.ways import SHARPEST, TURN_RADIUS, bent_least, turning_way
-from tests.helpers import quick_jit, random_track
+from tests.helpers import random_track
 from tests.racing.obstacles import distance, pole_in_the_way, wall_in_the_way, with_solids
 
 FAR = {"bounds_low": (-40.0, -40.0, 0.0), "bounds_high": (40.0, 40.0, 30.0)}
@@ -107,7 +108,7 @@ def test_projection_against_brute_force(name):
     frame = frame_at(line, jnp.asarray(true))
     away = rng.uniform(-1, 1, (2, 200))
     position = np.asarray(frame.point_w + away[0] * frame.left_w + away[1] * frame.up_w, np.float64)
-    found = np.asarray(quick_jit(lambda p, s: project(line, p, s))(position, true + rng.uniform(-1.0, 1.0, 200)))
+    found = np.asarray(jax.jit(lambda p, s: project(line, p, s))(position, true + rng.uniform(-1.0, 1.0, 200)))
 
     fine = np.linspace(-2.0, 2.0, 4001)
     for p, s0, s in zip(position.T, true, found, strict=True):
@@ -126,7 +127,7 @@ def _extended(line):
 def test_projection_counts_laps_and_keeps_to_its_branch_at_the_crossing():
     """Flying the figure-eight through the crossing, off the line by up to 0.8 m, no other branch takes over."""
     line = make_centre_line(TRACKS["figure-eight"])
-    step = quick_jit(lambda p, s: project(line, p, s))
+    step = jax.jit(lambda p, s: project(line, p, s))
     offsets = np.array([-0.8, -0.3, 0.0, 0.3, 0.8])
     progress = jnp.zeros(5)
     for true in np.arange(0.0, 2 * line.length, 0.4):
@@ -145,7 +146,7 @@ def test_start_progress_lies_on_the_way_to_the_gate(name):
     back = jnp.tile(jnp.array([0.2, 2.0, 6.0]), len(track.gates))
     true = jnp.asarray(line.gate_progress)[gates] - back
     frame = frame_at(line, true)
-    found = quick_jit(lambda p, g: start_progress(line, p, g))(frame.point_w + 0.7 * frame.left_w, gates)
+    found = jax.jit(lambda p, g: start_progress(line, p, g))(frame.point_w + 0.7 * frame.left_w, gates)
     np.testing.assert_allclose(found, true, atol=0.1)
 
 

@@ -8,13 +8,13 @@ import pytest
 from cruise.pilots.se_ibr.game import best_responses, shifted
 from cruise.pilots.se_ibr.options import Algorithm
 from examples.se_ibr_blocking import CASES, duel
-from tests.helpers import assert_trees_close, quick_jit
+from tests.helpers import assert_trees_close
 from tests.pilots.traffic import LINE, STYLE, bunch, guess_of
 
 ALGORITHM = Algorithm(limit="box")
 
 
-@quick_jit
+@jax.jit
 def planned(traffic, guess):
     return best_responses(LINE, ALGORITHM, STYLE, traffic, guess)
 

@@ -17,7 +17,6 @@ from cruise.pilots.se_ibr.tracking import CascadeTracker, Moment
 from cruise.pilots.se_ibr.trajectory import make_trajectory
 from cruise.presets import TRACKS, VEHICLES
 from cruise.rollout import fly, team_rules
-from tests.helpers import quick_jit
 from tests.racing.obstacles import distance, pole_in_the_way, wall_in_the_way, with_solids
 
 PAPER = VEHICLES["paper"]
@@ -36,7 +35,7 @@ def test_any_number_of_drones(drones, batch):
         state = env.reset(key, batch)
         return pilot.act(env, everyone, pilot.init(env, everyone, state), state, key)[1]
 
-    action = quick_jit(first_action)(KEY)
+    action = jax.jit(first_action)(KEY)
     assert action.shape == (3, drones, *batch)
     assert 0.1 < np.abs(action).max() <= 1.0
 
@@ -71,7 +70,7 @@ def test_who_flies_some_drones_flies_them_as_who_flies_all():
         state = env.reset(key, (4,))
         return [pilot.act(env, crew, pilot.init(env, crew, state), state, key)[1] for crew in ((0, 1, 2), (2, 0))]
 
-    everyone, some = quick_jit(actions)(KEY)
+    everyone, some = jax.jit(actions)(KEY)
     np.testing.assert_allclose(some, everyone[:, [2, 0]], atol=1e-4)
 
 
@@ -82,8 +81,8 @@ def test_plans_anew_every_tenth_of_a_second():
     pilot = dataclasses.replace(TUNED.for_vehicle(vehicle), algorithm=SHORT)
     assert env.dynamics.control_dt == 0.02
     state = env.reset(KEY, (2,))
-    act = quick_jit(lambda memory, state: pilot.act(env, (0,), memory, state, KEY))
-    step = quick_jit(lambda state, action: env.step(state, action, team_rules([pilot], 0.25, 20, (2,)))[0])
+    act = jax.jit(lambda memory, state: pilot.act(env, (0,), memory, state, KEY))
+    step = jax.jit(lambda state, action: env.step(state, action, team_rules([pilot], 0.25, 20, (2,)))[0])
     memory, plans, actions = pilot.init(env, (0,), state), [], []
     for _ in range(11):
         memory, action = act(memory, state)
@@ -123,7 +122,7 @@ def test_the_cascade_gives_the_acceleration_that_is_wanted():
             states.append(env.dynamics.step(states[-1], jnp.zeros_like(action), agility))
         return position, velocity, action, states
 
-    position, velocity, action, (first, second, third) = quick_jit(flown)(jax.tree.map(jnp.asarray, state), wanted)
+    position, velocity, action, (first, second, third) = jax.jit(flown)(jax.tree.map(jnp.asarray, state), wanted)
     assert np.abs(action).max() < 1.0
     np.testing.assert_allclose(second.position_w[:2], position[:2], atol=5e-3)
     np.testing.assert_allclose(second.velocity_w[:2], velocity[:2], atol=0.02)
@@ -137,7 +136,7 @@ def test_a_trajectory_between_its_knots():
     planned = np.array([[1.0, 3.0, 6.0], [0.0, 0.0, 0.0], [2.0, 4.0, 6.0]], np.float32)[..., None]  # [3, K, N]
     start, velocity = np.zeros((3, 1), np.float32), np.array([[0.0], [0.0], [2.0]], np.float32)
     plan = [jnp.asarray(array) for array in (start, velocity, planned)]
-    at = quick_jit(lambda time: make_trajectory(*plan, 1.0).at(time))
+    at = jax.jit(lambda time: make_trajectory(*plan, 1.0).at(time))
     here = at(1.5)
     np.testing.assert_allclose(here.position_w[:, 0], [2.0, 0.0, 3.0], atol=1e-6)
     np.testing.assert_allclose(here.velocity_w[:, 0], [1.5, 0.0, 2.0], atol=1e-6)

@@ -2,6 +2,7 @@
 
 import dataclasses
 
+import jax
 import numpy as np
 import pytest
 
@@ -9,7 +10,6 @@ from cruise.pilots.se_ibr.admm import solve
 from cruise.pilots.se_ibr.game import MOST_LOST, best_responses, linearised, what_others_lose
 from cruise.pilots.se_ibr.options import Algorithm
 from cruise.pilots.se_ibr.programme import no_multipliers
-from tests.helpers import quick_jit
 from tests.pilots.best_response_oracle import objective, one_drone, optimum
 from tests.pilots.traffic import LINE, STYLE, bunch, guess_of
 
@@ -28,9 +28,9 @@ def algorithm(request):
 def programmes():
     """Of the fourth round of bunches of drones, sensitivities included, and the plan that it starts from."""
     traffic, progress = bunch(DRONES, (RACES,))
-    rounds = quick_jit(lambda t, g: best_responses(LINE, Algorithm(), STYLE, t, g))
+    rounds = jax.jit(lambda t, g: best_responses(LINE, Algorithm(), STYLE, t, g))
     plan = rounds(traffic, guess_of(Algorithm(), traffic, progress))
-    programme, _ = quick_jit(lambda t, p: linearised(LINE, Algorithm(), STYLE, t, p, 0.5))(traffic, plan)
+    programme, _ = jax.jit(lambda t, p: linearised(LINE, Algorithm(), STYLE, t, p, 0.5))(traffic, plan)
     assert np.abs(programme.reward[:, :-1]).max() > 0.01
     return programme, plan
 
@@ -41,7 +41,7 @@ def patient(algorithm, programmes):
     programme, plan = programmes
     many = dataclasses.replace(algorithm, iterations=PATIENT)
     start = plan.position_w, no_multipliers(DRONES, algorithm.horizon, (RACES,))
-    return quick_jit(lambda p, s: solve(p, many, s))(programme, start)
+    return jax.jit(lambda p, s: solve(p, many, s))(programme, start)
 
 
 @pytest.fixture(scope="module")
@@ -90,7 +90,7 @@ def test_hard_limits_hold(algorithm, programmes, patient):
 def test_few_iterations_from_the_last_plan_are_near(algorithm, programmes, optima):
     """As flown: the first step, which is what the vehicle gets of a plan, within 2 cm of the optimum's."""
     programme, plan = programmes
-    position, _ = quick_jit(lambda p, s: solve(p, algorithm, s))(programme, (plan.position_w, plan.multipliers))
+    position, _ = jax.jit(lambda p, s: solve(p, algorithm, s))(programme, (plan.position_w, plan.multipliers))
     off = [np.linalg.norm(position[:, 0, i, e] - found.position_w[:, 0]) for (i, e), found in optima.items()]
     assert np.median(off) < 0.02
 
@@ -103,12 +103,12 @@ def test_the_sensitivity_is_the_derivative_of_the_others_optimal_progress():
     algorithm = Algorithm(rounds=1, iterations=1500, limit="box")
     traffic, progress = bunch(2, (8,), seed=5)
     given = guess_of(algorithm, traffic, progress)
-    settle = quick_jit(lambda p: best_responses(LINE, algorithm, ALONE, traffic, p))
+    settle = jax.jit(lambda p: best_responses(LINE, algorithm, ALONE, traffic, p))
     plan = given
     for _ in range(20):  # drone 1 alone answers
         plan = settle(plan)
         plan = plan._replace(position_w=plan.position_w.at[:, :, 0].set(given.position_w[:, :, 0]))
-    made = quick_jit(lambda p: linearised(LINE, algorithm, ALONE, traffic, p, 0.0)[0])
+    made = jax.jit(lambda p: linearised(LINE, algorithm, ALONE, traffic, p, 0.0)[0])
     lost = np.asarray(what_others_lose(plan.multipliers.collision, made(plan).towards_w))[:, :, 0]  # by drone 1
     mu = np.asarray(plan.multipliers.collision[0, :, 1])
     cases = [(int(mu[:, race].argmax()), race) for race in range(8) if 0.05 < mu[:, race].max() < MOST_LOST]

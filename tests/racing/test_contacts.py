@@ -7,7 +7,7 @@ import pytest
 
 from cruise.config import Track
 from cruise.presets import TRACKS
-from cruise.racing.contacts import closest_approach, meet_opponents, on_ground, out_of_bounds
+from cruise.racing.contacts import meet_opponents, on_ground, out_of_bounds
 from cruise.racing.course import make_course
 from cruise.racing.field import UNROLLED
 from tests.helpers import random_track, yaw_matrix
@@ -18,7 +18,15 @@ def nearest_opponent(start_w, end_w, airborne, aspect=1.0):
     return meet_opponents(start_w, end_w, airborne, 0.0, aspect=aspect)[0]
 
 
-approach, nearest = jax.jit(closest_approach), jax.jit(nearest_opponent)
+nearest = jax.jit(nearest_opponent)
+
+
+def approach(start0_w, end0_w, start1_w, end1_w):
+    """Of two drones, which both find."""
+    starts, ends = jnp.stack([start0_w, start1_w], axis=1), jnp.stack([end0_w, end1_w], axis=1)
+    first, second = nearest(starts, ends, jnp.ones(starts.shape[1:], bool))
+    np.testing.assert_array_equal(first, second)
+    return first
 
 
 def random_pairs(count: int, seed: int = 0) -> tuple[np.ndarray, ...]:

@@ -9,8 +9,9 @@ import pytest
 from cruise.config import Track
 from cruise.presets import PAPER_TRACKS
 from cruise.racing.course import make_course
-from cruise.racing.grid import LANES, MIN_HEIGHT, Start, start_grid
-from tests.helpers import quick_jit, random_track
+from cruise.racing.grid import MIN_HEIGHT, Start, start_grid
+from cruise.racing.start_room import USUAL
+from tests.helpers import random_track
 
 ALL_TRACKS = [*PAPER_TRACKS.values(), random_track(7)]
 # Grids know gates alone, so one long row of all tracks' gates is drawn from at once.
@@ -22,7 +23,7 @@ DRAWS = 6000
 
 @functools.cache
 def _starter(drones: int) -> object:
-    return quick_jit(lambda key: start_grid(COURSE, key, drones, (DRAWS,)))
+    return jax.jit(lambda key: start_grid(COURSE, key, drones, (DRAWS,)))
 
 
 @functools.cache
@@ -80,7 +81,7 @@ def test_every_drone_reaches_every_slot_equally(drones: int) -> None:
     assert slots.size == drones
     np.testing.assert_allclose(counts / DRAWS, 1 / drones, atol=5 * np.sqrt(1 / drones / DRAWS))
     for row in range(rows.max() + 1):
-        assert ((rows == row).sum(axis=0) == min(LANES, drones - row * LANES)).all()
+        assert ((rows == row).sum(axis=0) == min(USUAL.lanes, drones - row * USUAL.lanes)).all()
 
 
 def test_every_gate_is_drawn_equally() -> None:
@@ -90,7 +91,7 @@ def test_every_gate_is_drawn_equally() -> None:
 
 
 def test_a_chosen_gate_is_kept_and_one_race_needs_no_batch_axis() -> None:
-    start = quick_jit(lambda key: start_grid(COURSE, key, 3, gate=7))(jax.random.key(0))
+    start = jax.jit(lambda key: start_grid(COURSE, key, 3, gate=7))(jax.random.key(0))
     assert start.position_w.shape == (3, 3)
     assert start.heading.shape == (3,)
     assert int(start.gate) == 7

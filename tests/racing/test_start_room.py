@@ -17,7 +17,6 @@ from cruise.racing.course import make_course
 from cruise.racing.grid import Start, spread_start, start_grid
 from cruise.racing.start_room import spread_plan, start_plan
 from cruise.vehicles import find_vehicle
-from tests.helpers import quick_jit
 
 DRAWS = 400
 SHUTTLE = (Gate((-4.0, 0.0, 2.0), np.pi), Gate((4.0, 0.0, 2.0), 0.0))
@@ -28,7 +27,7 @@ POLES = tuple(Pole((2.0 * k - 6.0, y, 0.0), 3.0, 0.1) for k in range(7) for y in
 
 def draw(track: Track, drones: int) -> Start:
     plan = start_plan(track, drones)
-    start = quick_jit(lambda key: start_grid(make_course(track), key, drones, (DRAWS,), plan=plan))(jax.random.key(0))
+    start = jax.jit(lambda key: start_grid(make_course(track), key, drones, (DRAWS,), plan=plan))(jax.random.key(0))
     return Start(*(np.asarray(part) for part in start))
 
 

@@ -14,7 +14,6 @@ from cruise.training.experience import Experience, log_prob
 from cruise.training.league import SHARES, SLOTS, found_league, opponents_fly
 from cruise.training.ppo import flatten, make_batch, make_learn, make_optimiser, ppo_loss
 from cruise.training.types import OpponentPool, TrainState, Transitions
-from tests.helpers import quick_jit
 from tests.training.runs import random_model
 
 STEPS, RACES, UPDATES, LENGTH = 12, 16, 120, 4
@@ -164,7 +163,7 @@ def learned(kind: str) -> float:
         return learn(state, experience, shuffle)[0], missed
 
     keys = jax.random.split(jax.random.key(1), UPDATES)
-    _, missed = quick_jit(lambda state: jax.lax.scan(update, state, keys))(state)
+    _, missed = jax.jit(lambda state: jax.lax.scan(update, state, keys))(state)
     return float(missed[-5:].mean())
 
 
@@ -195,7 +194,7 @@ def test_a_minibatch_of_sequences_has_the_gradient_of_its_steps():
     def whole(scale: jax.Array) -> jax.Array:
         return ppo_loss(jax.tree.map(lambda leaf: leaf * scale, model), batch, CONFIG, jnp.float32(0.01))[0]
 
-    expected, found = (quick_jit(jax.value_and_grad(loss))(jnp.float32(1.0)) for loss in (by_steps, whole))
+    expected, found = (jax.jit(jax.value_and_grad(loss))(jnp.float32(1.0)) for loss in (by_steps, whole))
     assert float(found[0]) == pytest.approx(float(expected[0]), rel=1e-4)
     assert float(found[1]) == pytest.approx(float(expected[1]), rel=1e-3)
     assert isinstance(batch.carries, Carries)

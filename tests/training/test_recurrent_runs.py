@@ -23,7 +23,6 @@ from cruise.training.initial_state import initial_state
 from cruise.training.trainer import Trainer
 from cruise.training.types import TrainState
 from cruise.training.validation import check_config
-from tests.helpers import quick_jit
 from tests.storage.policies import meta, random_params
 from tests.training.runs import bits, moving, random_model
 
@@ -49,7 +48,7 @@ def trainer() -> Trainer:
 def collector():
     env = trainer().env
     drawer = functools.partial(draw, env, num_races=RACES, rollout_steps=STEPS)
-    return quick_jit(make_collect(env, CONFIG)), quick_jit(drawer)
+    return jax.jit(make_collect(env, CONFIG)), jax.jit(drawer)
 
 
 def under_way(remembered: float, restart: bool) -> TrainState:

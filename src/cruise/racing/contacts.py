@@ -11,15 +11,6 @@ from cruise.racing.field import over_opponents
 from cruise.racing.solids import KINDS, SolidKind
 
 
-def closest_approach(
-    start0_w: Float[Array, "3 *B"], end0_w: Float[Array, "3 *B"], start1_w: Array, end1_w: Array
-) -> Float[Array, "*B"]:
-    """Smallest distance [m] of two drones while each flies its segment at constant velocity."""
-    start = start1_w - start0_w
-    motion = (end1_w - end0_w) - start
-    return jnp.sqrt(distance2_at(start, motion, nearest_fraction(start, motion)))
-
-
 def meet_opponents(
     start_w: Float[Array, "3 N *B"],
     end_w: Float[Array, "3 N *B"],

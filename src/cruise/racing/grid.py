@@ -17,8 +17,6 @@ from cruise.racing.start_room import (
     StartPlan,
 )
 
-LANES = USUAL.lanes
-
 
 class Start(NamedTuple):
     """A grid of drones at rest."""
