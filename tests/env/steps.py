@@ -36,7 +36,7 @@ def step_of(s, rules, crossing=None):
     number = no.astype(jnp.int32)
     state = RaceState(before, number, number, ~s["flying"], no, number[0])
     view = GivenGate(state, s["gate"], s["normal"], jnp.ones_like(s["normal"]))
-    return StepView(view, after, s["p0"], crossing or crossing_of(no), s["nearest"], s["collided"], rules)
+    return StepView(view, after, s["p0"], [crossing or crossing_of(no)], s["nearest"], s["collided"], rules)
 
 
 def components_and_total(weights, s, rules, crossing, terminated):

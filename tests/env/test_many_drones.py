@@ -36,7 +36,7 @@ def test_scanned_and_gathered_opponents_are_those_written_out(monkeypatch: pytes
         look = View(env.course, env.dynamics, now)
         body = now.drones.body
         after = now.drones._replace(body=body._replace(position_w=body.position_w + 0.3 * body.velocity_w))
-        step = StepView(look, after, jnp.zeros((3, DRONES)), CALM, jnp.zeros(DRONES), now.out, rules_of())
+        step = StepView(look, after, jnp.zeros((3, DRONES)), [CALM], jnp.zeros(DRONES), now.out, rules_of())
         counted = overtakes(step, 2.0, "mended")
         return look.all_nearest, look.nearest(3), counted, push_apart(look.position_w, now.airborne, 1.5, 2.0)
 

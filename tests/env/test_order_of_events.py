@@ -69,6 +69,14 @@ def test_two_gates_within_one_step_are_both_passed() -> None:
     assert bool(outcome.further[0].passed[0])
 
 
+def test_every_gate_of_a_step_pays_its_bonus() -> None:
+    one, two = (fly_row(BARE, start, 3.0)[1] for start in (-0.2, -0.098))
+    assert [int(outcome.gates_passed[0]) for outcome in (one, two)] == [1, 2]
+    assert float(one.components["gate"][0]) > 0
+    assert float(two.components["gate"][0]) == 2 * float(one.components["gate"][0])
+    assert float(two.reward[0]) == pytest.approx(2 * float(one.reward[0]))
+
+
 @settings(max_examples=60, deadline=None)
 @given(st.floats(-3.0, 0.7), st.floats(-20.0, 20.0), st.floats(-1.5, 1.5), st.integers(0, 4))
 def test_gates_of_a_row_count_as_far_as_the_drone_came(start: float, speed: float, sideways: float, last: int) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Int
 
 from cruise.config import RewardWeights
 from cruise.env.reward import reward_terms
@@ -24,7 +24,7 @@ class Reward:
 
     terms: tuple[RewardTerm, ...]
     clip: float = 1.0  # each step's sum is clipped to [-clip, clip]
-    highest: float = 1.0  # and to this from above in the step that passes a gate
+    highest: float = 1.0  # and to this from above in the step that passes a gate, times the gates
     terminal: float = -1.0  # of the step that ends an episode by a crash, outside the clip
 
     def __post_init__(self) -> None:
@@ -44,19 +44,27 @@ class Reward:
         return [term.name for term in self.terms if term.phase == phase]
 
     def components(self, step: StepView) -> dict[str, Float[Array, "N *B"]]:
-        """Weighted terms before the clip; those of the passing of a gate are 0 where none is passed."""
+        """Weighted terms before the clip; those of the passing of a gate are the sum over the gates that are passed."""
         return {term.name: _weighted(term, step) for term in self.terms}
 
     def total(
-        self, rules: Rules, components: dict[str, Array], passed: Bool[Array, "N *B"], terminated: Bool[Array, "N *B"]
+        self,
+        rules: Rules,
+        components: dict[str, Array],
+        passed: Bool[Array, "N *B"],
+        terminated: Bool[Array, "N *B"],
+        gates: Int[Array, "N *B"] | None = None,
     ) -> Float[Array, "N *B"]:
-        """Sum and clip; a passed gate replaces the terms of flight, the end of an episode replaces everything."""
+        """Sum and clip; a passed gate replaces the terms of flight, the end of an episode replaces everything.
+
+        `gates` is how many were passed, where a step can pass several: each lifts the clip.
+        """
 
         def summed(phase: str) -> Array:
             return _sum((components[name] for name in self.of_phase(phase)), passed.shape)
 
         reward = jnp.where(passed, summed("passing"), summed("flight")) + summed("interaction")
-        highest = jnp.where(passed, self.highest, self.clip)
+        highest = jnp.where(passed, self.highest if gates is None else self.highest * gates, self.clip)
         return jnp.where(terminated, rules.crash_share * self.terminal, jnp.clip(reward, -self.clip, highest))
 
     def counted(self, outcome: StepOutcome) -> dict[str, Float[Array, "N *B"]]:
@@ -96,17 +104,22 @@ def make_reward(weights: RewardWeights, more: tuple[RewardTerm, ...] = ()) -> Re
 
 
 def _weighted(term: RewardTerm, step: StepView) -> Float[Array, "N *B"]:
-    shape = step.airborne.shape
     if not callable(term.weight) and term.weight == 0:
-        return jnp.zeros(shape)
+        return jnp.zeros(step.airborne.shape)
     weight = term.weight(step.rules) if callable(term.weight) else term.weight
-    value = jnp.asarray(term.fn(step))
+    if term.phase != "passing":
+        return weight * _value(term, step)
+    paid = (jnp.where(gate.crossing.passed, weight * _value(term, gate), 0.0) for gate in step.by_gate())
+    return functools.reduce(operator.add, paid)
+
+
+def _value(term: RewardTerm, step: StepView) -> Array:
+    value, shape = jnp.asarray(term.fn(step)), step.airborne.shape
     if value.shape != shape:
         raise CruiseError(
             f"reward term {term.name!r} gives an array {list(value.shape)}, expected {list(shape)}: drones, races"
         )
-    weighted = weight * value
-    return jnp.where(step.crossing.passed, weighted, 0.0) if term.phase == "passing" else weighted
+    return value
 
 
 def _sum(parts: Iterable[Array], shape: tuple[int, ...]) -> Array:

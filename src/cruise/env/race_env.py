@@ -246,9 +246,11 @@ def make_race_env(
         happened = in_order(course, flown, crossings, touched, met, collisions, rules)
 
         crossing, *further = happened.crossings
-        view = StepView(View(course, dynamics, state), drones, action, crossing, nearest, happened.solid, rules)
+        view = StepView(
+            View(course, dynamics, state), drones, action, happened.crossings, nearest, happened.solid, rules
+        )
         components = paid.components(view)
-        reward = paid.total(rules, components, crossing.passed, happened.terminated)
+        reward = paid.total(rules, components, crossing.passed, happened.terminated, view.gates_passed)
         outcome = StepOutcome(
             reward=jnp.where(airborne, reward, 0.0),
             components=components,

@@ -1,11 +1,13 @@
 """What the terms of a reward look at: one step of all drones of a race, or of many."""
 
+import copy
 import functools
+from collections.abc import Iterator, Sequence
 
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Int
 
 from cruise.dynamics import DroneState
-from cruise.env.types import RaceState, Rules
+from cruise.env.types import RaceState, Rules, gates_passed
 from cruise.env.view import Sharing, View
 from cruise.racing.gates import Crossing
 from cruise.vector import norm
@@ -17,7 +19,7 @@ class StepView(Sharing):
     `before` is the race as it was, as an observation's terms see it, so that the target gate is the one of before the
     step; `after` are the drones as they are now, `action` is what they did, [A, N, *B] in [-1, 1]. `crossing` says what
     happened at the gates, `collided` whether a drone touched another, the ground or a frame, `nearest` how near it came
-    to another one [m].
+    to another one [m]. `further` are the crossings of the gates after the target, where one step can pass several.
     """
 
     def __init__(
@@ -25,7 +27,7 @@ class StepView(Sharing):
         before: View,
         after: DroneState,
         action: Array,
-        crossing: Crossing,
+        crossings: Sequence[Crossing],
         nearest: Float[Array, "N *B"],
         collided: Bool[Array, "N *B"],
         rules: Rules,
@@ -33,7 +35,21 @@ class StepView(Sharing):
         """Nothing is computed yet."""
         super().__init__()
         self.before, self.after, self.action = before, after, action
-        self.crossing, self.nearest, self.collided, self.rules = crossing, nearest, collided, rules
+        self.crossing, *self.further = crossings
+        self.nearest, self.collided, self.rules = nearest, collided, rules
+
+    @property
+    def gates_passed(self) -> Int[Array, "N *B"] | None:
+        """How many; None where a step can pass no more than one."""
+        return gates_passed(self.crossing, tuple(self.further)) if self.further else None
+
+    def by_gate(self) -> Iterator["StepView"]:
+        """The step as seen from each gate that it can pass: they differ in `crossing`."""
+        yield self
+        for crossing in self.further:
+            view = copy.copy(self)
+            view.crossing, view.further, view._kept = crossing, [], {}
+            yield view
 
     @property
     def state(self) -> RaceState:
