@@ -1,5 +1,6 @@
 """`cruise.make(...)`: the race as pure functions that JAX compiles, differentiates and shards."""
 
+import functools
 from typing import Any, NamedTuple
 
 import jax
@@ -121,10 +122,13 @@ class FunctionalRaces:
         """
         return self._step(jax.random.key_data(typed(key)), state, action)
 
+    # Compiled for callers that do not compile: their first reset would compile its operations one by one.
+    @functools.partial(jax.jit, static_argnums=0)
     def _reset(self, keys: Array) -> tuple[Array, Carry]:
         state, seen = begin(self._plan, keys, None, None, None)
         return seen["observation"], state._replace(noise=None)
 
+    @functools.partial(jax.jit, static_argnums=0)
     def _step(self, noise: Array, state: Carry, action: Array) -> tuple[Array, Carry, Array, Array, Array, Any]:
         state, seen = fly(self._plan, self._rules, state._replace(noise=noise), action)
         info = seen["info"] | {name: seen[name] for name in ("active", "over")}
