@@ -20,6 +20,8 @@ os.environ["XLA_FLAGS"] = " ".join([os.environ.get("XLA_FLAGS", ""), *(f"--xla_{
 os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(ROOT / ".jax_cache"))
 os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.2")
 
+import contextlib
+import ctypes
 import gc
 
 import jax
@@ -35,17 +37,60 @@ install_import_hook("cruise", f"{annotations.__name__}.checked")
 settings.register_profile("cruise", deadline=None, derandomize="CI" in os.environ)
 settings.load_profile("cruise")
 
-MOST_MEMORY = 1.5e9  # of a worker between two modules [bytes]
+MOST_MEMORY = 1.4e9  # of a worker between two tests [bytes]
 MOST_MAPPINGS = 20_000  # of its memory: every compiled program has some, and Linux ends a process at 65,530
+# Folders whose tests take longest begin first, so that no worker ends long after the others.
+LONGEST = (
+    "docs",
+    "training",
+    "limit",
+    "pilots",
+    "export",
+    "env",
+    "cli",
+    "racing",
+    "experiments",
+    "adapters",
+    "evaluation",
+)
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """A folder's tests run in one process, one after the other: they share what is compiled."""
+    for item in items:
+        item.add_marker(pytest.mark.xdist_group(_folder(item)))
+    order = {name: place for place, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: order.get(_folder(item), len(order)))
+
+
+def _folder(item: pytest.Item) -> str:
+    """Of a test; a file beside the folders is one of its own."""
+    return item.path.relative_to(ROOT / "tests").parts[0]
+
+
+@pytest.fixture(autouse=True)
+def _little_memory():
+    """Compiled programs pile up from test to test: they are let go before memory runs out."""
+    yield
+    if _resident() > MOST_MEMORY:
+        _forget_programs()
 
 
 @pytest.fixture(autouse=True, scope="module")
-def _few_programs():
-    """Compiled programs pile up from module to module: they are let go before memory, or its mappings, run out."""
+def _few_mappings():
+    """Or before its mappings do."""
     yield
-    if _resident() > MOST_MEMORY or _mappings() > MOST_MAPPINGS:
-        jax.clear_caches()
-        gc.collect()
+    if _mappings() > MOST_MAPPINGS:
+        _forget_programs()
+
+
+def _forget_programs() -> None:
+    """What was freed goes back to the system, where its C library can be told so."""
+    jax.clear_caches()
+    gc.collect()
+    with contextlib.suppress(AttributeError, OSError):
+        ctypes.CDLL(None).malloc_trim(0)
 
 
 def _resident() -> float:

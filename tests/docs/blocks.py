@@ -12,10 +12,12 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from cruise.cli.limit import FindLimit
 from cruise.cli.main import main, parse
 from cruise.cli.train import Train
 from cruise.racing.track_file import load_track, track_faults
 from cruise.training.validation import check_config
+from cruise.vehicles import load_vehicle
 from cruise.vehicles.file import file_faults
 
 ROOT = Path(__file__).parent.parent.parent
@@ -35,12 +37,14 @@ MINIATURE = {
     "limit": "--steps 8",
     "reproduce": "--list",
 }
+# More of them where a command has the first flag.
+SHORTER = {("limit", "--start"): "--gates 3", ("limit", "--standing"): "--laps 1"}
 AS_IT_IS = ({"reproduce", "--report-only"}, {"limit", "paper"})  # take seconds, and no flag makes them shorter
 WATCHED = "--watch"  # serves until somebody stops it: tests/viewer/test_live.py does
 WITH_OTHERS = "--coordinator"  # waits for the other processes: tests/training/test_processes.py has them
-# Commands that compile for seconds. One line of each kind runs; lines that differ from it by these values alone are
-# parsed, and what they name is looked up.
-COSTLY = ("evaluate", "race", "train")
+# Commands that compile or solve for seconds. One line of each kind runs; lines that differ from it by these values
+# alone are parsed, and what they name is looked up.
+COSTLY = ("evaluate", "limit", "race", "train")
 LOGGED = "--log"  # what a later line of the page may read: always flown
 VALUES = {"--vehicle", "--track", "--drones", "--episodes", "--seed", "--step-scale"}
 ELSEWHERE = {"sweep", "tune", "fly", "betaflight", "companion"}  # want Ray, a person, firmware, a drone
@@ -127,6 +131,8 @@ def _cruise(block: Block, arguments: list[str]) -> None:
         short = [command, "--help"]
     elif not any(flags <= set(short) for flags in AS_IT_IS):
         short += shlex.split(MINIATURE.get(command, ""))
+        for (name, flag), more in SHORTER.items():
+            short += more.split() if name == command and flag in short else []
     said = io.StringIO()
     with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
         code = main(short)
@@ -157,6 +163,9 @@ def _look_up(command: Any) -> None:
     """Whatever a parsed line names is there and goes together."""
     if isinstance(command, Train):
         check_config(command.config)
+    elif isinstance(command, FindLimit):
+        load_track(command.track)
+        load_vehicle(command.vehicle)
     else:
         command.line_up.match()
 

@@ -74,9 +74,14 @@ def test_half_of_the_races_meet_the_newest_and_each_member_an_eighth():
             np.testing.assert_allclose(found[:, drone, race : race + 1], expected, atol=1e-4)
 
 
+def drawn_from(league: League, times: int) -> jax.Array:
+    """Who flies, drawn so often: [times, SLOTS]."""
+    return jax.jit(jax.vmap(functools.partial(choose_members, league)))(jax.random.split(jax.random.key(0), times))
+
+
 def test_who_is_beaten_seldom_flies_often_and_nobody_twice():
     league = some_league([0.0, 0.5, 0.9, 1.0, 1.0, 1.0])
-    drawn = np.array([choose_members(league, jax.random.key(k)) for k in range(2000)])
+    drawn = np.asarray(drawn_from(league, 2000))
     assert all(len(set(row)) == SLOTS for row in drawn)
     first = Counter(drawn[:, 0].tolist())
     weight = (1 - np.asarray(league.beaten)) ** 2 + leagues.LEAST_WEIGHT
@@ -86,8 +91,7 @@ def test_who_is_beaten_seldom_flies_often_and_nobody_twice():
 
 def test_empty_places_never_fly():
     league = some_league([0.5] * PLACES, joined=[-1, 3, -1, 7, -1, -1])
-    for k in range(50):
-        assert set(np.asarray(choose_members(league, jax.random.key(k))).tolist()) <= {1, 3}
+    assert set(np.unique(drawn_from(league, 50)).tolist()) <= {1, 3}
 
 
 def test_ratings_are_elos_and_scores_fade():
