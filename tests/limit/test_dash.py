@@ -19,14 +19,18 @@ TRACK, START, RADIUS, PUBLISHED = TRACKS["split-s"], (-5.0, 4.5, 1.2), 0.3, 17.5
 
 
 @functools.cache
-def dash():
+def dash(stop=False):
     """Half as many steps as usual: some seconds."""
-    return find_limit(TRACK, find_vehicle("cpc"), Options(dash=Dash(START, 20), ball=RADIUS, steps=10))
+    return find_limit(TRACK, find_vehicle("cpc"), Options(dash=Dash(START, 20, stop), ball=RADIUS, steps=10))
 
 
 def test_the_published_optimum():
-    """Science Robotics 2021: 17.56 s in steps of one length, one of which ends within every ball; ours are free."""
-    assert 0.975 * PUBLISHED < dash().lap.time <= PUBLISHED
+    """17.56 s to a stop at the end, in steps of one length, one of which ends within every ball; ours are free."""
+    to_a_stop = dash(stop=True).lap
+    assert to_a_stop.time == pytest.approx(PUBLISHED, rel=0.005)
+    assert 0.97 * to_a_stop.time < dash().lap.time < to_a_stop.time
+    np.testing.assert_allclose(to_a_stop.state[-1, POSITION], TRACK.gates[19 % 7].position_w, atol=1e-6)
+    np.testing.assert_allclose(to_a_stop.state[-1, VELOCITY], 0.0, atol=1e-6)
 
 
 def test_every_gate_is_passed_within_its_ball_in_order_from_rest():
@@ -67,6 +71,6 @@ def test_what_no_dash_can_be_is_said_in_one_line(vehicle, options, message):
 
 def test_flags_that_do_not_go_together(capsys):
     assert main(["limit", "split-s", "--gates", "3"]) == 2
-    assert "--gates says how many are passed from --start X Y Z: give both" in capsys.readouterr().err
+    assert "--gates is about the flight from --start X Y Z: give both" in capsys.readouterr().err
     assert main(["limit", "split-s", "--start", "0", "0", "1", "--laps", "2"]) == 2
     assert "--start X Y Z is flown once" in capsys.readouterr().err

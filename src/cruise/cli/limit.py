@@ -36,6 +36,8 @@ class FindLimit:
     """In place of laps, from hovering at this place, gate 1 first, to a free end; with --gates [m]."""
     gates: int | None = None
     """How many gates are passed from --start, round and round. By default every gate once."""
+    stop: bool = False
+    """End hovering in the middle of the last gate of --start, in place of flying on."""
     balls: Annotated[float | None, described("RADIUS")] = None
     """Pass gates within so much of their centres, in place of through their openings [m]."""
     margin: float = 0.25
@@ -72,12 +74,13 @@ class FindLimit:
         from cruise.limit.transcription import Dash  # noqa: PLC0415  (imports CasADi)
 
         if self.start is None:
-            if self.gates is not None:
-                raise CruiseError("--gates says how many are passed from --start X Y Z: give both")
+            for flag, given in (("--gates", self.gates is not None), ("--stop", self.stop)):
+                if given:
+                    raise CruiseError(f"{flag} is about the flight from --start X Y Z: give both")
             return None
         if self.laps != 1:
             raise CruiseError("--start X Y Z is flown once: say how far by --gates, not by --laps")
-        return Dash(self.start, len(track.gates) if self.gates is None else self.gates)
+        return Dash(self.start, len(track.gates) if self.gates is None else self.gates, self.stop)
 
 
 def told(limit: "Limit") -> list[str]:
@@ -86,6 +89,7 @@ def told(limit: "Limit") -> list[str]:
     if limit.dash is not None:
         x, y, z = limit.dash.start_w
         kind, what = f"from ({x:g}, {y:g}, {z:g}) through {limit.dash.gates} gates", "time  "
+        kind += ", to a stop" if limit.dash.stop else ""
     if limit.ball is not None:
         kind += f", each within {limit.ball:g} m"
     times = ", ".join(f"{time:.3f}" for time in limit.lap_times)

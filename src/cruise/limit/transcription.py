@@ -45,10 +45,11 @@ class Lap:
 
 
 class Dash(NamedTuple):
-    """From hovering at a place through so many gates, gate 0 first and round again, to a free end."""
+    """From hovering at a place through so many gates, gate 0 first and round again, to a free end or to a stop."""
 
     start_w: Vec3  # [m]
     gates: int
+    stop: bool = False  # hovering in the middle of the last gate
 
 
 def stops(track: Track, laps: int = 1, dash: Dash | None = None) -> list[Gate]:
@@ -111,6 +112,10 @@ class Problem:
         """Whether the flight begins hovering, and its end is free."""
         return self.dash is not None or self.standing_laps > 0
 
+    @property
+    def _stops(self) -> bool:
+        return self.dash is not None and self.dash.stop
+
     def solve(self, guess: Lap) -> Lap:
         """The fastest lap near the guess, in as many steps. Raises CruiseError where the solver finds none."""
         unknown = _unknowns(self.model, len(guess.duration), guess.steps)
@@ -148,6 +153,8 @@ class Problem:
         conditions = []
         for s, gate in enumerate(self.stops[1:], start=1):
             position, velocity = (unknown.states[part, s * steps] for part in (POSITION, VELOCITY))
+            if self._stops and s == len(self.stops) - 1:
+                continue  # `_bounds` has it there
             if self.ball is None:
                 conditions.append(through(gate, self.margin, position, velocity))
             else:
@@ -180,6 +187,10 @@ class Problem:
         low[:, POSITION], high[:, POSITION] = self.track.bounds_low, self.track.bounds_high
         if self.from_rest:
             low[0] = high[0] = start_of(self.stops[0], self.model)
+        if self._stops:
+            end = start_of(self.stops[-1], self.model)
+            fixed = [*range(6), *([7, 8, 10, 11, 12] if self.model.has_attitude else [])]  # whatever its heading
+            low[-1, fixed] = high[-1, fixed] = end[fixed]
         control = [np.tile(bound, nodes) for bound in self.model.control]
         time = np.full(stretches, 0.05), np.full(stretches, 30.0)
         return (
