@@ -4,11 +4,13 @@ import math
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from cruise.cli.main import main, parse
 from cruise.config import Drag, Randomisation, TrainConfig
 from cruise.presets import CURRICULA, RANDOMISATION, VEHICLES, training_config
+from cruise.report.vehicle_figure import rate_answer
 from cruise.vehicles import load_vehicle
 from cruise.vehicles.derived import top_speed
 from cruise.vehicles.guess import Measured, guessed_vehicle
@@ -200,3 +202,25 @@ def test_top_speed_is_where_drag_takes_the_thrust():
     rough = replace(vehicle, airframe=replace(vehicle.airframe, drag=Drag(horizontal=0.2, quadratic=0.01)))
     speed = top_speed(rough)
     assert 0.2 * speed + 0.01 * speed**2 == pytest.approx(vehicle.mass * level)
+
+
+def test_a_vehicle_is_drawn(tmp_path, capsys):
+    out = tmp_path / "racer.png"
+    assert main(["vehicles", "show", "racer", "--png", str(out)]) == 0
+    assert out.read_bytes().startswith(b"\x89PNG")
+    capsys.readouterr()
+    assert main(["vehicles", "show", "paper", "--png", str(tmp_path / "paper.png")]) == 2
+    assert "vehicle 'paper' has no rotors to draw: leave out --png" in capsys.readouterr().err
+    assert not (tmp_path / "paper.png").exists()
+
+
+@pytest.mark.parametrize(("loop", "lag"), [(0.03, 0.04), (0.04, 0.01), (0.02, 0.0)])
+def test_the_drawn_answer_solves_its_equation(loop, lag):
+    """t T w'' + t w' + w = 1 from rest, by differences."""
+    time = np.linspace(0.0, 0.4, 40_001)
+    rate = rate_answer(time, loop, lag)
+    speed = np.gradient(rate, time)
+    np.testing.assert_allclose(
+        loop * lag * np.gradient(speed, time)[2:-2] + (loop * speed + rate)[2:-2], 1.0, atol=1e-3
+    )
+    assert (rate[0], rate[-1]) == pytest.approx((0.0, 1.0), abs=1e-3)

@@ -11,8 +11,11 @@ import tyro
 from rich.table import Column, Table
 
 from cruise.cli.console import make_console
+from cruise.cli.line_up import described
+from cruise.cli.outputs import check_output
 from cruise.config import Vehicle
 from cruise.errors import CruiseError
+from cruise.files import write_whole
 from cruise.toml_file import positive, shown
 from cruise.vehicles import VEHICLES, check_vehicle, load_vehicle
 from cruise.vehicles.derived import figures, thrust_to_weight
@@ -39,10 +42,17 @@ class Show:
 
     vehicle: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="NAME|FILE")]
     """Name of a built-in vehicle, or path of a TOML file."""
+    png: Annotated[Path | None, described("FILE.png")] = None
+    """Draw it from above, to scale, and how its rates answer."""
 
     def run(self) -> int:
-        """Print the vehicle's file, then figures and the action."""
+        """Print the vehicle's file, then figures and the action; draw it where asked to."""
+        check_output("--png", self.png, ".png")
         vehicle = load_vehicle(self.vehicle)
+        if self.png is not None:
+            from cruise.report.vehicle_figure import draw_vehicle  # noqa: PLC0415  (imports Matplotlib)
+
+            write_whole(self.png, draw_vehicle(vehicle))
         print(to_text(vehicle))
         make_console().print(figure_table(vehicle))
         make_console().print(action_table(vehicle))
