@@ -4,7 +4,6 @@ An action is as many numbers in [-1, 1]; what -1 and 1 mean is said here, and sp
 and `cruise vehicles show` follow from it.
 """
 
-import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -83,12 +82,15 @@ def ctbr(agility: float, gravity: float, highest_rates: tuple[float, float, floa
     return Action("ctbr", numbers, "body", (hovering_share(agility, gravity), 0.0, 0.0, 0.0))
 
 
-def attitude(agility: float, gravity: float, highest_tilt: float, yaw: YawControl, highest_yaw_rate: float) -> Action:
-    """Roll, pitch, yaw or yaw rate, and collective thrust; roll and pitch are those of ZYX Euler angles [rad]."""
+def attitude(agility: float, gravity: float, highest_tilt: float, yaw: YawControl, highest_turn: float) -> Action:
+    """Roll, pitch, yaw or yaw rate, and collective thrust; roll and pitch are those of ZYX Euler angles [rad].
+
+    `highest_turn` is of what is said of yaw: [rad] or [rad/s].
+    """
     if yaw == "angle":
-        turn = Number("yaw", "rad", -math.pi, math.pi, "heading of the body's x axis, 0 along the world's x")
+        turn = Number("yaw", "rad", -highest_turn, highest_turn, "heading of the body's x axis, 0 along the world's x")
     else:
-        turn = _yaw_rate(highest_yaw_rate, "about the world's z axis")
+        turn = _yaw_rate(highest_turn, "about the world's z axis")
     numbers = (
         Number("roll", "rad", -highest_tilt, highest_tilt, "positive leans right"),
         Number("pitch", "rad", -highest_tilt, highest_tilt, "positive leans forward"),

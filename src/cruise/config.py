@@ -1,5 +1,6 @@
 """What a race and a training run are made of, as plain frozen data. Knows nothing of JAX."""
 
+import math
 from dataclasses import asdict, dataclass, field, fields
 from os import PathLike
 from typing import Literal
@@ -13,6 +14,7 @@ FlownBy = Literal["cascade", "rotors"]
 OWN_CONTROLS: dict[FlownBy, tuple[Control, ...]] = {"cascade": ("acceleration",), "rotors": ("ctbr", "attitude")}
 ObservationKind = str  # name of an observation: one of `cruise.env.observation`, or one that its user declared
 GateShape = Literal["rectangle", "round"]
+Finish = Literal["first", "last"]
 NetworkKind = Literal["mlp", "gru"]
 FirmwareSettings = Literal["matched", "stock"]
 SelfPlayMode = Literal["within", "after", "off"]
@@ -79,6 +81,7 @@ class AttitudeLimits:
 
     highest_tilt: float = 0.9  # roll and pitch that can be commanded, below a quarter turn [rad]
     yaw: YawControl = "rate"  # an action says how fast to yaw, or where to
+    highest_yaw: float = math.pi  # that can be commanded where it says where to [rad]
 
 
 @dataclass(frozen=True)
@@ -156,7 +159,8 @@ class Vehicle:
         if self.control == "ctbr":
             return actions.ctbr(self.agility, self.gravity, rates)
         limits = airframe.attitude
-        return actions.attitude(self.agility, self.gravity, limits.highest_tilt, limits.yaw, rates[2])
+        highest_turn = limits.highest_yaw if limits.yaw == "angle" else rates[2]
+        return actions.attitude(self.agility, self.gravity, limits.highest_tilt, limits.yaw, highest_turn)
 
     @property
     def randomisable(self) -> frozenset[str]:
@@ -245,6 +249,11 @@ class Track:
     obstacles: tuple[Obstacle, ...] = ()
     start: Start | None = None  # None: a grid before a gate, by chance
     start_gate: int = 0  # index of the first gate to pass from `start`
+    finish: Finish = "first"  # gate of a lap at which a race ends: where it began again, or the lap's last
+
+    def gates_to_finish(self, laps: int) -> int:
+        """Crossings that finish a race of so many laps: the first one starts lap 1."""
+        return laps * len(self.gates) + (self.finish == "first")
 
 
 @dataclass(frozen=True)

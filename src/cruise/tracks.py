@@ -190,7 +190,8 @@ BODY = 0.07  # half width of the box that a drone collides as in TU Munich's cou
 def munich(name: str, gates: Sequence[tuple[Vec3, Vec3]], tops: Sequence[Vec3], starts: Sequence[StartPlace]) -> Track:
     """A track of TU Munich's drone racing course, utiasDSL/lsy_drone_racing, as it is nominally.
 
-    There a drone collides as a box of 0.14 x 0.14 x 0.04 m, here as a point: so everything solid is 0.07 m bigger here.
+    There a drone collides as a box of 0.14 x 0.14 x 0.04 m, here as a point: so everything solid is bigger here, by
+    0.07 m, at the sides of gates by as much as a box takes up that does not turn, at poles by half its diagonal.
     Without that, openings are 0.4 m, their frames reach to 0.36 m from the centre, every gate stands on a box of 0.1 m
     that ends 0.36 m under its centre, and poles have a radius of 15 mm and end 15 mm above their `tops`.
 
@@ -200,18 +201,23 @@ def munich(name: str, gates: Sequence[tuple[Vec3, Vec3]], tops: Sequence[Vec3], 
         tops: of the poles [m].
         starts: where drones wait, on the ground.
     """
-    size, side, down = 0.4 - 2 * BODY, 0.1 + 2 * BODY, 0.36 - BODY
+    side, down, diagonal = 0.1 + 2 * BODY, 0.36 - BODY, math.sqrt(2) * BODY
+    across = [BODY * (abs(math.cos(yaw)) + abs(math.sin(yaw))) for _, (_, _, yaw) in gates]  # of a box along x and y
     places = [centre for centre, _ in gates]
     stands = [Wall((x, y, (z - down) / 2), (side, side, z - down), yaw) for (x, y, z), (_, _, yaw) in gates if z > down]
-    poles = [Pole((x, y, 0.0), z + 0.015 + BODY, 0.015 + BODY) for x, y, z in tops]
+    poles = [Pole((x, y, 0.0), z + 0.015 + BODY, 0.015 + diagonal) for x, y, z in tops]
     reach = [max(3.0, *(abs(place[axis]) + 1.5 for place in places)) for axis in range(2)]
     return Track(
         name,
-        tuple(Gate(centre, yaw, size, size, roll, pitch) for centre, (roll, pitch, yaw) in gates),
+        tuple(
+            Gate(centre, yaw, 0.4 - 2 * beside, 0.4 - 2 * BODY, roll, pitch)
+            for (centre, (roll, pitch, yaw)), beside in zip(gates, across, strict=True)
+        ),
         bounds_low=(-reach[0], -reach[1], 0.0),
         bounds_high=(reach[0], reach[1], max(2.5, *(place[2] + 1.0 for place in places))),
         laps=1,
-        frame_width=0.16 + 2 * BODY,
+        finish="last",
+        frame_width=0.16 + BODY + max(across),
         leave_distance=2 * max(reach),
         obstacles=(*poles, *stands),
         start=StartPlaces(tuple(starts)),

@@ -16,6 +16,7 @@ from cruise.env.types import race_rules
 from cruise.env.view import View
 from cruise.errors import CruiseError
 from cruise.presets import TRACKS, VEHICLES
+from cruise.racing.grid import Start
 from tests.helpers import arrays, leaves
 
 RING, RACER = TRACKS["ring"], VEHICLES["racer"]
@@ -189,3 +190,31 @@ def test_numbers_that_make_no_sense_are_told(change, complaint):
     with pytest.raises(CruiseError) as error:
         sensors_of(dataclasses.replace(CAMERA, **change), 0.02)
     assert str(error.value) == complaint
+
+
+def test_a_pole_is_where_the_map_has_it_until_it_was_seen():
+    """Races that begin half a metre from one pole each: that one is known, others are as on the map."""
+    track, sensing = TRACKS["lsy-2"], Sensing("range", sensor_range=0.7, velocity_bias=0.0, fix_error=0.0)
+    draw = perturbation(track, RACER, Randomisation(solid_shift=0.15), sensing=sensing)
+    env = make_race_env(track, 1, RACER, "body-placed", perturb=draw)
+
+    def begin(key):
+        conditions = draw(key, (1, RACES))
+        own = jnp.arange(RACES)
+        beside = conditions.surroundings.gates.solids["pole"][:3, own, own] + jnp.array([[0.5], [0.0], [1.0]])
+        state = env.begin(Start(beside[:, None], jnp.zeros((1, RACES)), jnp.zeros(RACES, jnp.int32)), conditions)
+        return state, env.observe(perceive(state))
+
+    state, seen = jax.jit(begin)(jax.random.key(0))
+    true = np.asarray(env.course_of(state).solids["pole"])[:2]
+    mapped = np.asarray(env.course.solids["pole"])[:2, :, None]
+    here = np.asarray(state.drones.position_w)[:2, None, 0]
+    known = np.linalg.norm(true - here, axis=0) <= 0.7
+    assert known[np.arange(RACES), np.arange(RACES)].all()
+    assert not known.all()
+    believed = np.asarray(env.course_of(perceive(state)).solids["pole"])[:2, :, 0]
+    np.testing.assert_allclose(believed, np.where(known, true, mapped), atol=1e-5)
+    names = [entry.name for entry in env.layout("body-placed")]
+    first = sum(entry.size for entry in env.layout("body-placed")[: names.index("pole_1")])
+    offsets = np.clip((believed - here) / 2.0, -3, 3).swapaxes(0, 1).reshape(8, RACES)
+    np.testing.assert_allclose(np.asarray(seen)[first : first + 8, 0], offsets, atol=1e-5)

@@ -62,6 +62,13 @@ def test_measures_of_a_race():
     assert math.isnan(measured("time", [one]).mean)
 
 
+def test_a_race_that_ends_at_the_last_gate_counts_each_of_its_gates_once():
+    assert (TRACKS["lsy-2"].gates_to_finish(1), TRACK.gates_to_finish(3)) == (4, 22)
+    log = dataclasses.replace(crossing_log(np.array([[0.2, 1.0, 2.0]])), laps=1, finish="last")
+    assert log.gates_to_finish == 3
+    assert MEASURES["gates"].of(Outcome.of(log), 0) == 1.0
+
+
 def test_a_field_and_line_ups_are_flown_and_told(monkeypatch, capsys):
     """Two starts of the 64, of a scripted pilot in the paper's vehicle, which is slow: half a lap in 12 s."""
     monkeypatch.setitem(protocols.PROTOCOLS, "uzh", dataclasses.replace(UZH, time_limit=12.0))

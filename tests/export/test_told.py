@@ -11,6 +11,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from cruise.cli.main import main
+from cruise.config import Pole
 from cruise.env.race_env import make_race_env
 from cruise.errors import CruiseError
 from cruise.export.c_harness import compiler, run_header
@@ -93,6 +94,7 @@ def test_the_controller_says_in_their_words_what_the_policy_does(controller, exp
             "target_gate": rows["next_gate"][row],
             "gates_pos": np.array([gate.position_w for gate in TRACK.gates]),
             "gates_quat": gates,
+            "obstacles_pos": np.array([pole.base_w for pole in TRACK.obstacles if isinstance(pole, Pole)]),
         }
         one._previous = rows["previous_action"][row][None]
         roll, pitch, yaw, newtons = one.compute_control(obs)

@@ -140,7 +140,7 @@ def choose(options: RaceOptions, everybody_learns: bool) -> Choices:
         opponents=_opponents(options, track, vehicle, drones) if len(learners) < drones else (),
         stage=stage,
         agility=agility,
-        gates_to_finish=laps * len(track.gates) + 1 if race else 0,
+        gates_to_finish=track.gates_to_finish(laps) if race else 0,
         collision_distance=vehicle.collision_distance if race else usual.collision_distance,
         observation=observation,
         weights=_weights(options, usual),

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from cruise.companion.odometry import Odometry
-from cruise.config import Track
+from cruise.config import Pole, Track
 from cruise.dynamics.attitude import Setpoint
 from cruise.errors import CruiseError
 from cruise.geometry import beyond_opening, heading_of, plane_fraction, to_gate
@@ -74,6 +74,7 @@ def _fixed(track: Track, others: int) -> dict[str, Any]:
         "gate_position_w": [gate.position_w for gate in track.gates],
         "gate_yaw": [gate.yaw for gate in track.gates],
         "gate_size": [(gate.width, gate.height) for gate in track.gates],
+        "pole_position_w": [pole.base_w for pole in track.obstacles if isinstance(pole, Pole)],
         "others_position_w": nobody,
         "others_velocity_w": nobody,
         "others_airborne": np.zeros((1, others), bool),

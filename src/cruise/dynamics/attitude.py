@@ -31,7 +31,7 @@ class AttitudeSetpoint(NamedTuple):
 
 
 def setpoint(vehicle: Vehicle, action: Float[Array, "4 *B"], agility: Array | float) -> AttitudeSetpoint:
-    """Give roll = a_0 tilt, pitch = a_1 tilt, yaw = pi a_2 or yaw rate = a_2 omega_max, c = agility (a_3 + 1) / 2."""
+    """Give roll = a_0 tilt, pitch = a_1 tilt, yaw a_2 psi_max or its rate a_2 omega_max, c = agility (a_3 + 1) / 2."""
     roll, pitch, turn, collective = action
     limits = _limits(vehicle)
     thrust = (collective + 1) / 2 * agility
@@ -99,9 +99,8 @@ def _limits(vehicle: Vehicle) -> AttitudeLimits:
 
 
 def _highest_turn(vehicle: Vehicle) -> float:
-    """What 1 stands for in the third number: half a turn [rad], or the highest yaw rate [rad/s]."""
-    assert vehicle.airframe is not None
-    return math.pi if vehicle.airframe.attitude.yaw == "angle" else vehicle.airframe.rates.highest[2]
+    """What 1 stands for in the third number: the highest yaw [rad] or yaw rate [rad/s]."""
+    return vehicle.action.numbers[2].high
 
 
 def _turn_share(vehicle: Vehicle, turn: Array | float) -> Array:

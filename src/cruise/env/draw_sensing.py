@@ -106,8 +106,10 @@ def draw_sensed(sensors: Sensors, mapped: Any, gates: int, key: Array, shape: tu
     })  # fmt: skip
     vector, others = jnp.zeros((3, *shape)), (drones - 1, *shape)
     seen = Opponents(jnp.zeros((3, *others)), jnp.zeros((3, *others)), jnp.zeros(others, bool))
+    solids = {} if mapped is None else mapped.solids or {}
     look = Look(
         jnp.zeros((gates, *shape), bool),
+        {kind: jnp.zeros((table.shape[1], *shape), bool) for kind, table in solids.items()},
         jnp.zeros(others, bool),
         vector,
         vector,
@@ -121,8 +123,7 @@ def draw_sensed(sensors: Sensors, mapped: Any, gates: int, key: Array, shape: tu
 
 def _believed(mapped: Any, shape: tuple[int, ...]) -> Gates:
     """Every drone believes the map."""
-    position, normal = (
-        jnp.broadcast_to(table[:, :, None], (*table.shape[:2], *shape))
-        for table in (mapped.position_w, mapped.normal_w)
-    )
-    return Gates(position, normal)
+    return Gates(*(
+        jax.tree.map(lambda table: jnp.broadcast_to(table[:, :, None], (*table.shape[:2], *shape)), places)
+        for places in (mapped.position_w, mapped.normal_w, mapped.solids)
+    ))  # fmt: skip

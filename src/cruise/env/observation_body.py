@@ -9,6 +9,7 @@ policy can race in fields of any size. Clipped to [-3, 3].
 import dataclasses
 import functools
 import math
+from typing import NamedTuple
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -17,22 +18,33 @@ from cruise.env.observation_extended import noticed
 from cruise.env.view import View
 from cruise.terms import Observation, Setting, Term
 
-CORNER_RANGE, SPEED_RANGE, HEIGHT_RANGE, OPPONENT_RANGE = 10.0, 10.0, 4.0, 5.0  # scales [m], [m/s]
+HEIGHT_RANGE, OPPONENT_RANGE = 4.0, 5.0  # scales [m]
 NEAREST = 3  # opponents that are seen
 NOTICE = {"body": math.inf, "body-near": 6.0}  # by name: farther away nobody is seen, within half of it all of him [m]
 GATES_AHEAD, GATES_FAR_AHEAD = 2, 4
 
+
+class Ranges(NamedTuple):
+    """Scales of what is seen: those of a small room tell centimetres apart."""
+
+    corner: float = 10.0  # [m]
+    speed: float = 10.0  # [m/s]
+
+
+OUTDOORS, ROOM = Ranges(), Ranges(2.0, 3.0)
 _term = functools.partial(Term, frame="body")
 
 
-def body_terms(setting: Setting, notice: float = math.inf, gates: int = GATES_AHEAD) -> tuple[Term, ...]:
+def body_terms(
+    setting: Setting, notice: float = math.inf, gates: int = GATES_AHEAD, ranges: Ranges = OUTDOORS
+) -> tuple[Term, ...]:
     """In the order of the vector.
 
     With `notice` [m], opponents fade out with distance and are gone there: who leads by as much flies as if alone.
     """
     return (
-        *(_corner(ahead, corner) for ahead in range(gates) for corner in range(len(CORNERS))),
-        _term("velocity", 3, "own velocity", "m/s", SPEED_RANGE, fn=lambda view: view.to_body(view.velocity_w)),
+        *(_corner(ahead, corner, ranges.corner) for ahead in range(gates) for corner in range(len(CORNERS))),
+        _term("velocity", 3, "own velocity", "m/s", ranges.speed, fn=lambda view: view.to_body(view.velocity_w)),
         _term("up", 3, "the world's up", fn=lambda view: view.rotation[2]),
         *(_felt(felt) for felt in setting.dynamics.internal),
         _term("height", 1, "above the ground", "m", HEIGHT_RANGE, fn=lambda view: view.position_w[2]),
@@ -43,9 +55,9 @@ def body_terms(setting: Setting, notice: float = math.inf, gates: int = GATES_AH
 CORNERS = ("upper_left", "lower_left", "lower_right", "upper_right")  # as `View.gate_corners_b`
 
 
-def _corner(ahead: int, corner: int) -> Term:
+def _corner(ahead: int, corner: int, scale: float) -> Term:
     name, quantity = f"gate_{ahead + 1}_{CORNERS[corner]}", "from the drone to this corner of the opening"
-    return _term(name, 3, quantity, "m", CORNER_RANGE, fn=lambda view: view.gate_corners_b(ahead)[corner])
+    return _term(name, 3, quantity, "m", scale, fn=lambda view: view.gate_corners_b(ahead)[corner])
 
 
 def _felt(felt: Term) -> Term:
@@ -58,7 +70,7 @@ def _opponent(place: int, notice: float) -> tuple[Term, ...]:
     name = f"opponent_{place}"
     terms = (
         _term(f"{name}_offset", 3, offset, "m", OPPONENT_RANGE, fn=functools.partial(_offset, place)),
-        _term(f"{name}_motion", 3, "velocity minus own", "m/s", SPEED_RANGE, fn=functools.partial(_motion, place)),
+        _term(f"{name}_motion", 3, "velocity minus own", "m/s", OUTDOORS.speed, fn=functools.partial(_motion, place)),
         _term(f"{name}_present", 1, PRESENT, low=0.0, fn=functools.partial(_present, place)),
     )
     return terms if math.isinf(notice) else tuple(_fading(term, place, notice) for term in terms)
@@ -95,18 +107,25 @@ BODY, BODY_NEAR = (
     )
 )
 
-PLACE_RANGE = 3.0  # [m]
+PLACE_RANGE, POLE_RANGE = 3.0, 2.0  # [m]
+POLES = 4  # of a track that are seen, in its order
 
 
 def _heading(view: View) -> Float[Array, "2 N *B"]:
     return jnp.stack([jnp.cos(view.euler[2]), jnp.sin(view.euler[2])])
 
 
-BODY_PLACED = BODY.with_terms(
+def _pole(number: int) -> Term:
+    quantity = f"from the drone to the axis of pole {number + 1} of the track, level; 0 where it has no such pole"
+    return Term(f"pole_{number + 1}", 2, quantity, "m", POLE_RANGE, fn=lambda view: view.to_pole_w(number))
+
+
+BODY_PLACED = Observation("body-placed", functools.partial(body_terms, ranges=ROOM)).with_terms(
     "body-placed",
     Term("place", 3, "own position", "m", PLACE_RANGE, fn=lambda view: view.position_w),
     Term("heading", 2, "cosine and sine of the own yaw", fn=_heading),
-    about="As `body`, with its place in the world: for one small track whose poles and walls a policy learns by heart.",
+    *(_pole(number) for number in range(POLES)),
+    about="As `body` with finer scales, with its place in the world and poles: for one small track.",
 )
 BODY_FAR = Observation(
     "body-far",

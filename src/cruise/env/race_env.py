@@ -105,7 +105,7 @@ def _informed(course: Course, dynamics: Dynamics, state: RaceState, sense: Calla
     if surroundings.sensed is None:
         return state
     here = _with_gates(course, surroundings)
-    gates = Gates(here.position_w, here.normal_w)
+    gates = Gates(here.position_w, here.normal_w, here.solids)
     sensed = sense(surroundings.sensed, state, gates, dynamics.rotation(state.drones))
     return state._replace(surroundings=surroundings._replace(sensed=sensed))
 

@@ -210,7 +210,8 @@ def _gates(track: Track, strengths: Strengths, key: Array, races: Shape) -> tupl
     half_size = None
     if track.reshaped:
         position, yaw, half_size = reshaped(track, position, yaw, shape_key)
-    mapped = MovedGates(position, jnp.stack([jnp.cos(yaw), jnp.sin(yaw)]))
+    solids = _solids(track, variant) if shifted or track.variant_obstacles else None
+    mapped = MovedGates(position, jnp.stack([jnp.cos(yaw), jnp.sin(yaw)]), solids=solids if shifted else None)
     if moved:
         gates = len(track.gates)
         shift = strengths.get("gate_shift", 0.0) * jax.random.uniform(shift_key, (3, gates, *races), minval=-1.0)
@@ -219,7 +220,8 @@ def _gates(track: Track, strengths: Strengths, key: Array, races: Shape) -> tupl
         lowest = jnp.minimum(position[2], half_height if half_size is None else half_size[1])
         position, yaw = (position + shift).at[2].max(lowest), yaw + turn
     tilt = _tilts(variants, variant, strengths.get("gate_tilt"), tilt_key)
-    solids = _solids(track, variant, strengths.get("solid_shift"), solids_key)
+    if shifted and solids is not None:
+        solids = _shifted(solids, strengths["solid_shift"], solids_key)
     return mapped, MovedGates(position, jnp.stack([jnp.cos(yaw), jnp.sin(yaw)]), half_size, tilt, solids)
 
 
@@ -241,21 +243,24 @@ def _tilts(variants: Variants, variant: Array, largest: Any, key: Array) -> Arra
     return jnp.stack([jnp.cos(pitch), jnp.sin(pitch), jnp.cos(roll), jnp.sin(roll)])
 
 
-def _solids(track: Track, variant: Array, largest: Any, key: Array) -> dict[str, Array] | None:
-    """As `Course.solids`, [C, S, *B] of each kind; None where they are the same in all races.
+def _solids(track: Track, variant: Array) -> dict[str, Array] | None:
+    """As `Course.solids`, [C, S, *B] of each kind, as the map has them; None where there are none.
 
     Of a kind of which a variant has fewer than another, the rest lies where nobody flies.
     """
     every = track.variant_obstacles or (track.obstacles,)
-    if not any(every) or (largest is None and not track.variant_obstacles):
+    if not any(every):
         return None
-    tables = {kind: jnp.asarray(table.T)[:, :, variant] for kind, table in solid_tables(every).items()}
-    if largest is None:
-        return tables
+    return {kind: jnp.asarray(table.T)[:, :, variant] for kind, table in solid_tables(every).items()}
+
+
+def _shifted(tables: dict[str, Array], largest: Any, key: Array) -> dict[str, Array]:
+    """The same, each solid moved by up to `largest` [m] along x and y."""
+    moved = {}
     for number, (kind, table) in enumerate(tables.items()):
         shift = jax.random.uniform(jax.random.fold_in(key, number), (2, *table.shape[1:]), minval=-1.0)
-        tables[kind] = table.at[:2].add(largest * shift)
-    return tables
+        moved[kind] = table.at[:2].add(largest * shift)
+    return moved
 
 
 def reshaped(

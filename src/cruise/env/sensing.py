@@ -18,10 +18,11 @@ if TYPE_CHECKING:
 
 
 class Gates(NamedTuple):
-    """Where gates stand, or are believed to stand by every drone: then with an axis N after G."""
+    """Where gates and solids stand, or are believed to by every drone: then with an axis N after G and S."""
 
     position_w: Float[Array, "3 G *B"]  # [m]
     normal_w: Float[Array, "2 G *B"]
+    solids: dict[str, Float[Array, "C S *B"]] | None = None  # as `Course.solids`; None: they stand where the map says
 
 
 class Opponents(NamedTuple):
@@ -54,6 +55,7 @@ class Look(NamedTuple):
     """What was to be seen at one moment, and where everyone was and believed to be."""
 
     gates: Bool[Array, "G N *B"]  # in sight
+    solids: dict[str, Bool[Array, "S N *B"]]  # in sight, of kinds that may stand elsewhere than on the map
     opponents: Bool[Array, "K N *B"]  # in sight
     position_w: Float[Array, "3 N *B"]
     velocity_w: Float[Array, "3 N *B"]
@@ -102,15 +104,26 @@ def _informed(sensed: Sensed, state: "RaceState", gates: Gates, arrives: Bool[Ar
     past = sensed.past._replace(error_w=sensed.past.error_w + correction)  # looks on their way correct the rest alone
     believed = sensed.gates
     if believed is not None:
-        position, normal = (
-            jnp.where(in_sight, _for_each_drone(true, believed.position_w.ndim), belief)
-            for true, belief in zip(gates, believed, strict=True)
+        believed = Gates(
+            _corrected(gates.position_w, believed.position_w, in_sight),
+            _corrected(gates.normal_w, believed.normal_w, in_sight),
+            _solids_after(gates, believed, {kind: seen & arrives for kind, seen in look.solids.items()}),
         )
-        believed = Gates(position, normal)
     age = sensor.latency * sensor.control_dt
     fresh = _flown_on(look, look.opponents & _opponents(look.airborne, 0), age)
     seen = jax.tree.map(lambda new, old: jnp.where(arrives, new, old), fresh, sensed.seen)
     return Sensed(sensor, past, sensed.error_w + correction, believed, seen)
+
+
+def _corrected(true: Array, belief: Array, seen: Array) -> Array:
+    """What is believed of gates or solids [C, G, N, *B], of those `seen` the truth."""
+    return jnp.where(seen, _for_each_drone(true, belief.ndim), belief)
+
+
+def _solids_after(gates: Gates, believed: Gates, seen: dict[str, Array]) -> dict[str, Array] | None:
+    if believed.solids is None or gates.solids is None:
+        return None
+    return {kind: _corrected(gates.solids[kind], belief, seen[kind]) for kind, belief in believed.solids.items()}
 
 
 def velocity_error(sensor: Sensor, velocity_w: Float[Array, "3 N *B"]) -> Float[Array, "3 N *B"]:
@@ -151,6 +164,11 @@ def _look(sensed: Sensed, state: "RaceState", gates: Gates, rotation: Float[Arra
     to_opponents = _opponents(position, 1) - position[:, None]
     return Look(
         gates=in_sight(sensed.sensor, axes, to_gates),
+        solids={
+            kind: in_sight(sensed.sensor, axes, _to_axes(gates.solids[kind], position))
+            for kind in sensed.past.solids
+            if gates.solids is not None
+        },
         opponents=in_sight(sensed.sensor, axes, to_opponents),
         position_w=position,
         velocity_w=state.drones.velocity_w,
@@ -158,6 +176,12 @@ def _look(sensed: Sensed, state: "RaceState", gates: Gates, rotation: Float[Arra
         error_w=sensed.error_w,
         told_w=position + sensed.error_w,
     )
+
+
+def _to_axes(table: Float[Array, "C S *B"], position_w: Float[Array, "3 N *B"]) -> Float[Array, "3 S N *B"]:
+    """From each drone to the axis of each solid, at its own height [m]."""
+    level = _for_each_drone(table[:2], position_w.ndim + 1) - position_w[:2, None]
+    return jnp.concatenate([level, jnp.zeros_like(level[:1])])
 
 
 def camera_axes(

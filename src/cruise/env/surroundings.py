@@ -114,7 +114,8 @@ def _known(state: "RaceState") -> "RaceState":
     body = body._replace(position_w=body.position_w + sensed.error_w, velocity_w=body.velocity_w + wrong)
     surroundings = state.surroundings
     if sensed.gates is not None and surroundings.gates is not None:
-        surroundings = surroundings._replace(gates=surroundings.gates._replace(**sensed.gates._asdict()))
+        believed = {name: table for name, table in sensed.gates._asdict().items() if table is not None}
+        surroundings = surroundings._replace(gates=surroundings.gates._replace(**believed))
     opponents = known_opponents(sensed, wrong) if state.airborne.shape[0] > 1 else None
     return state._replace(drones=state.drones._replace(body=body), surroundings=surroundings, opponents=opponents)
 

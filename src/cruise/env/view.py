@@ -147,6 +147,15 @@ class View(Sharing):
         parts = from_gate(gate.normal_w, vector, gate.tilt)
         return jnp.stack([jnp.broadcast_to(part, self.airborne.shape) for part in parts])
 
+    def to_pole_w(self, number: int) -> Float[Array, "2 N *B"]:
+        """Level offset from the drone to the axis of a pole of the track, by its number from 0 [m]; 0 without one."""
+        here = self.position_w[:2]
+        table = (self.course.solids or {}).get("pole")
+        if table is None or number >= table.shape[1]:
+            return jnp.zeros_like(here)
+        axis = table[:2, number]
+        return axis.reshape(2, *(1,) * (here.ndim - axis.ndim), *axis.shape[1:]) - here
+
     def to_opening(self, position_w: Float[Array, "3 N *B"], margin: float = 0.0) -> Float[Array, "N *B"]:
         """Distance [m] to the nearest point of the target's opening, shrunk by `margin` on every side."""
         gate = self.gate()

@@ -199,7 +199,7 @@ def fly_batch(match: Match, env: RaceEnv, key: jax.Array, batch: int) -> list[Ra
     distances = [vehicle.collision_distance for vehicle in vehicles]
     distance, aspect = max(distances), max(vehicle.collision_aspect for vehicle in vehicles)
     apart = distance if min(distances) == distance else distances
-    rules = team_rules(team, apart, match.laps * len(match.track.gates) + 1, (batch,))
+    rules = team_rules(team, apart, match.track.gates_to_finish(match.laps), (batch,))
     with simulation(match.simulator):
         flight = fly(env, team, rules, key, round(match.time_limit / match.vehicle.control_dt), (batch,))
     names, flown = tuple(pilot.name for pilot in team), tuple(vehicle.name for vehicle in vehicles)

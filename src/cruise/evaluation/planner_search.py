@@ -173,7 +173,7 @@ def race_with(
     batch = len(styles) * races
     style = Style(*(jnp.repeat(jnp.array(column), races)[None] for column in zip(*styles, strict=True)))
     team = [SeIbrPilot(style).for_vehicle(vehicle)] * drones
-    rules = team_rules(team, vehicle.collision_distance, LAPS * len(track.gates) + 1, (batch,))
+    rules = team_rules(team, vehicle.collision_distance, track.gates_to_finish(LAPS), (batch,))
     steps = round(LAPS * lap_length(track.gates) / (SLOWEST * vehicle.tracking.speed) / vehicle.control_dt)
     flight = fly(race_env(track, drones, vehicle), team, rules, jax.random.key(seed), steps, (batch,))
     names, distance, aspect = [pilot.name for pilot in team], vehicle.collision_distance, vehicle.collision_aspect

@@ -94,7 +94,7 @@ def _grid_start(protocol: Protocol, track: Track, drones: int, copies: int = 1) 
 def _flown(match: Match, protocol: Protocol, start: Start, seed: int) -> list[RaceLog]:
     """All races from these starts."""
     env, team, vehicle, races = match.env, match.team, match.vehicle, start.gate.shape[0]
-    rules = team_rules(team, vehicle.collision_distance, match.laps * len(match.track.gates) + 1, (races,))
+    rules = team_rules(team, vehicle.collision_distance, match.track.gates_to_finish(match.laps), (races,))
     steps = round((protocol.time_limit or match.time_limit) / vehicle.control_dt)
     flight = fly_from(env, team, rules, jax.jit(env.begin)(start), jax.random.key(seed), steps)
     names = tuple(pilot.name for pilot in team)

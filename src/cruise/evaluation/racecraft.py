@@ -194,7 +194,7 @@ class _Stage:
         own = 2 if itself else 1
         team: list[Pilot] = [pilot] * own + [rival] * (self.drones - own)
         vehicle, track = self.match.vehicle, self.match.track
-        rules = team_rules(team, vehicle.collision_distance, LAPS * len(track.gates) + 1, (self.batch,))
+        rules = team_rules(team, vehicle.collision_distance, track.gates_to_finish(LAPS), (self.batch,))
         steps = round(seconds / vehicle.control_dt)
         return fly_from(self.env, team, rules, self.state._replace(out=out), self.key, steps)
 

@@ -18,7 +18,7 @@ from cruise.export.c_printer import statements
 from cruise.export.c_program import run
 from cruise.export.parts import Parts, make_parts
 from cruise.export.pilot_program import make_model, ports_of, shapes_of_one
-from cruise.export.ports import OWN, Sizes, commands_of
+from cruise.export.ports import OWN, POLES, Sizes, commands_of
 from cruise.export.recording import Recording
 from cruise.export.trace import trace
 from cruise.storage.onnx_file import Port, first_action
@@ -98,7 +98,7 @@ def _bodies(policy: Policy, env: RaceEnv, arrays: Arrays, ports: dict[str, Port]
     parts, meta = make_parts(policy, env), policy.meta
     gates = ports["gate_yaw"].shape[0]
     given = ports_of(policy, env, Sizes(meta.drones - 1, int(gates) if gates.isdigit() else gates))
-    state = shapes_of_one(given)
+    state = shapes_of_one(tuple(port for port in given if port.name != POLES))  # a header has those of its track
     size, actions = int(policy.params.actor.layers[0].in_features), env.dynamics.action_size
     seen, said = (jax.ShapeDtypeStruct((number,), np.float32) for number in (size, actions))
     functions = {

@@ -11,7 +11,7 @@ from jaxtyping import Array
 from cruise.env.race_env import RaceEnv
 from cruise.env.surroundings import MovedGates, Surroundings
 from cruise.env.types import RaceState
-from cruise.export.ports import command
+from cruise.export.ports import POLES, command
 from cruise.export.trace import own
 from cruise.storage.policy_file import Policy
 
@@ -91,7 +91,7 @@ def _race(env: RaceEnv, agility: float, values: Values) -> RaceState:
         out=~here,
         finished=jnp.zeros(batch, bool),
         step=none[0],
-        surroundings=Surroundings(_gates(values)),
+        surroundings=Surroundings(_gates(env, values)),
     )
 
 
@@ -108,6 +108,9 @@ def _with_others(values: Values, name: str) -> Array:
     return jnp.concatenate([own, jnp.where(values["others_airborne"], values[f"others_{name}"], own)], axis=1)
 
 
-def _gates(values: Values) -> MovedGates:
-    yaw = values["gate_yaw"]
-    return MovedGates(values["gate_position_w"], jnp.stack([jnp.cos(yaw), jnp.sin(yaw)]), values["gate_size"] / 2)
+def _gates(env: RaceEnv, values: Values) -> MovedGates:
+    yaw, solids = values["gate_yaw"], env.course.solids
+    if solids is not None and POLES in values:
+        solids = {**solids, "pole": jnp.concatenate([values[POLES], solids["pole"][3:]])}
+    normal = jnp.stack([jnp.cos(yaw), jnp.sin(yaw)])
+    return MovedGates(values["gate_position_w"], normal, values["gate_size"] / 2, solids=solids)

@@ -20,6 +20,7 @@ OWN = (  # of a state, where a vehicle has it
     Port("euler", ("B", "3"), "float32", "rad", "world to body", "own roll, pitch, yaw (ZYX)"),
     Port("angular_velocity_b", ("B", "3"), "float32", "rad/s", "body", "own roll, pitch and yaw rate (p, q, r)"),
 )
+POLES = "pole_position_w"
 
 
 class Sizes(NamedTuple):
@@ -98,6 +99,12 @@ def command(env: RaceEnv, agility: float, values: dict[str, Array], action: Floa
     return {"acceleration_w": commanded_acceleration(vehicle, error, before, values["velocity_w"])}
 
 
+def sees_poles(env: RaceEnv, observation: str) -> bool:
+    """Whether an observation of CRUISE's own looks at poles, and there are some."""
+    there = "pole" in (env.course.solids or {})
+    return there and any(entry.name.startswith("pole_") for entry in env.layout(observation))
+
+
 def state_ports(meta: PolicyMeta, env: RaceEnv, fields: tuple[str, ...], sizes: Sizes) -> tuple[Port, ...]:
     """Inputs of the whole pilot, in order. `fields` are those of the vehicle's body."""
     size, frame, others = str(env.dynamics.action_size), env.dynamics.action_frame, str(sizes.others)
@@ -109,6 +116,8 @@ def state_ports(meta: PolicyMeta, env: RaceEnv, fields: tuple[str, ...], sizes: 
         Port("others_airborne", ("B", others), "bool", "", "", "false for one that left the air: it is not seen"),
     )
     gates = str(sizes.gates)
+    poles = str(env.course.solids["pole"].shape[1]) if env.course.solids and sees_poles(env, meta.observation) else ""
+    feet = Port(POLES, (poles, "3"), "float32", "m", "world", "feet of the poles, in the order of the track")
     return (
         *(port for port in OWN if port.name in fields),
         Port("previous_action", ("B", size), "float32", "", frame, said),
@@ -117,6 +126,7 @@ def state_ports(meta: PolicyMeta, env: RaceEnv, fields: tuple[str, ...], sizes: 
         Port("gate_position_w", (gates, "3"), "float32", "m", "world", "centres of the gates, in the order of flight"),
         Port("gate_yaw", (gates,), "float32", "rad", "world", "headings of the direction of flight through them"),
         Port("gate_size", (gates, "2"), "float32", "m", "", "widths and heights of the openings"),
+        *((feet,) if poles else ()),
     )
 
 

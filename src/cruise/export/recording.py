@@ -12,7 +12,7 @@ from cruise.config import Vehicle
 from cruise.dynamics.quadrotor import Memory
 from cruise.env.race_env import RaceEnv
 from cruise.env.types import RaceState
-from cruise.export.ports import command
+from cruise.export.ports import POLES, command, sees_poles
 from cruise.pilots.neural import NeuralPilot
 from cruise.racing.course import Course
 from cruise.racing.field import all_opponents
@@ -38,6 +38,8 @@ def record(env: RaceEnv, pilot: NeuralPilot, seed: int = 0) -> Recording:
     flat = {name: np.asarray(value).reshape(-1, *value.shape[3:])[rows] for name, value in (seen | wanted).items()}
     inputs = {name: flat[name] for name in seen if name in flat}
     inputs |= {name: np.asarray(value) for name, value in _gates(env.course, find_vehicle(pilot.vehicle)).items()}
+    if env.course.solids and sees_poles(env, pilot.observation):
+        inputs[POLES] = np.asarray(env.course.solids["pole"][:3].T)
     return Recording(
         inputs,
         {name: flat[name] for name in wanted if name not in ("observation", "network")},

@@ -29,7 +29,7 @@ class LiveRace:
         self.people = [drone for drone, pilot in enumerate(match.team) if isinstance(pilot, HumanPilot)]
         start, flight = jax.random.split(jax.random.key(seed))
         state = _start(self.env, start, None if match.track.start else 0)
-        rules = team_rules(match.team, match.vehicle.collision_distance, match.laps * gates + 1, BATCH)
+        rules = team_rules(match.team, match.vehicle.collision_distance, match.track.gates_to_finish(match.laps), BATCH)
         self.race = RunningRace(self.env, match.team, rules, state, flight)
         self._crew = next(i for i, crew in enumerate(self.race.crews) if isinstance(crew.pilot, HumanPilot))
         self.order = Order(len(match.team), gates, match.laps)

@@ -1,7 +1,8 @@
 """Tracks as TOML files, and every fault a track can have. Plain Python: no JAX.
 
-A track file has `name`, optionally `laps`, `frame_width`, `leave_distance`, `[bounds]` and `[start]`, one `[[gates]]`
-table for each gate in the order of flight, and `[[poles]]` and `[[walls]]`; `docs/tracks.md` describes every key.
+A track file has `name`, optionally `laps`, `finish`, `frame_width`, `leave_distance`, `[bounds]` and `[start]`, one
+`[[gates]]` table for each gate in the order of flight, and `[[poles]]` and `[[walls]]`; `docs/tracks.md` describes all
+keys.
 """
 
 import re
@@ -179,6 +180,7 @@ def to_document(track: Track) -> dict[str, Any]:
     document: dict[str, Any] = {
         "name": track.name,
         "laps": track.laps,
+        **({"finish": track.finish} if track.finish != "first" else {}),
         "frame_width": track.frame_width,
         "leave_distance": track.leave_distance,
         "bounds": {"low": list(track.bounds_low), "high": list(track.bounds_high)},
@@ -221,6 +223,7 @@ def from_document(document: schema.Table) -> Track:
         bounds_low=low,
         bounds_high=high,
         laps=document.get("laps", LAPS),
+        finish=document.get("finish", "first"),
         frame_width=float(document.get("frame_width", FRAME_WIDTH)),
         leave_distance=float(document.get("leave_distance", max(LEAVE_DISTANCE, longest))),
         obstacles=tuple(kind.read(table) for kind in KINDS for table in document.get(kind.table, [])),

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import get_args
 
 from cruise import toml_file
-from cruise.config import GateShape, Vec3
+from cruise.config import Finish, GateShape, Vec3
 from cruise.toml_file import LIMIT, Check, Table, label, not_negative, number, positive, shown, spell
 
 __all__ = ["LIMIT", "Check", "Table", "label", "not_negative", "number", "positive", "shown", "spell"]
@@ -37,6 +37,7 @@ def anything(value: object) -> str:
 TRACK_KEYS: Mapping[str, Check] = {
     "name": label,
     "laps": laps,
+    "finish": lambda value: toml_file.choice(value, get_args(Finish)),
     "frame_width": not_negative,
     "leave_distance": positive,
     "bounds": anything,

@@ -210,6 +210,11 @@ class _Whole(_Network):
 
     def _check_gates(self, view: View) -> None:
         gates = view.gates
+        if "pole_position_w" in self.takes:
+            raise CruiseError(
+                f"exported policy {self.meta.name!r} needs to be told where poles stand, which races here do not: fly "
+                "the policy itself"
+            )
         if gates.roll.any() or gates.pitch.any() or gates.is_round.any():
             raise CruiseError(
                 f"exported policy {self.meta.name!r} knows upright rectangular gates alone, and some here lean or are "

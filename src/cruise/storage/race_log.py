@@ -71,6 +71,7 @@ class RaceLog:
     solid_yaw: np.ndarray = None  # type: ignore[assignment]  # [S] heading of their first side, rad
     solid_size: np.ndarray = None  # type: ignore[assignment]  # [S, 3] length along it, width, height, m
     vehicles: np.ndarray = None  # type: ignore[assignment]  # [N] names
+    finish: str = "first"  # gate of a lap at which the race ends: the first again, or the last
     version: int = FORMAT_VERSION
 
     def __post_init__(self) -> None:
@@ -98,7 +99,7 @@ class RaceLog:
     @property
     def gates_to_finish(self) -> int:
         """Crossings that finish the race: the first one starts lap 1."""
-        return self.laps * self.num_gates + 1
+        return self.laps * self.num_gates + (self.finish == "first")
 
     def save(self, path: Path | str) -> None:
         """Write a `.npz` file whole or not at all; `numpy.load(path, allow_pickle=False)` reads it."""
@@ -165,6 +166,7 @@ _LAYOUT: dict[str, tuple[str, str]] = {
     "solid_yaw": ("f", "S"),
     "solid_size": ("f", "S3"),
     "vehicles": ("U", "N"),
+    "finish": ("U", ""),
     "version": ("i", ""),
 }
 # Arrays that the first logs did not have, and what held there.
@@ -179,6 +181,7 @@ _SINCE: dict[str, Callable[[Mapping[str, np.ndarray]], np.ndarray | float]] = {
     "solid_yaw": lambda log: np.zeros(0),
     "solid_size": lambda log: np.zeros((0, 3)),
     "vehicles": lambda log: np.full(np.shape(log["pilots"]), str(log["vehicle"])),
+    "finish": lambda log: "first",
 }
 _KINDS = {"f": "floats", "i": "integers", "b": "booleans", "U": "text"}
 

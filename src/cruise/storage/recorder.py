@@ -140,6 +140,7 @@ def track_arrays(track: Track) -> dict[str, Any]:
         "bounds": np.array([track.bounds_low, track.bounds_high], np.float64),
         "frame_width": track.frame_width,
         "leave_distance": track.leave_distance,
+        "finish": track.finish,
         "gate_roll": np.array([gate.roll for gate in gates], np.float64),
         "gate_pitch": np.array([gate.pitch for gate in gates], np.float64),
         "gate_shape": np.array([gate.shape for gate in gates]),

@@ -51,6 +51,8 @@ def _airframe_faults(vehicle: Vehicle, airframe: Airframe) -> Iterator[str]:
         yield f"min_thrust ({rotors.min_thrust}) must be below max_thrust ({rotors.max_thrust})"
     if not 0 < limits.highest_tilt < math.pi / 2:
         yield f"highest_tilt must be above 0 and below {math.pi / 2:.4f}, not {limits.highest_tilt}"
+    if not 0 < limits.highest_yaw <= math.pi:
+        yield f"highest_yaw must be above 0 and at most {math.pi:.4f}, not {limits.highest_yaw}"
     if limits.yaw not in get_args(YawControl):
         yield f"yaw must be one of {', '.join(get_args(YawControl))}, not {limits.yaw!r}"
     if vehicle.agility <= vehicle.gravity:

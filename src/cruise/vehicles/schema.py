@@ -88,6 +88,7 @@ KEYS: tuple[Key, ...] = (
         "airframe.attitude.",
         ("max_tilt_rad", "highest_tilt", _positive, "roll and pitch that can be commanded, below 1.57"),
         ("yaw", "yaw", _one_of(YawControl), "an action says how fast to yaw (rate), or where to (angle)"),
+        ("max_yaw_rad", "highest_yaw", _positive, "that can be commanded as an angle, at most 3.1416"),
     ),
     *_keys(
         "drag",

@@ -133,7 +133,7 @@ class TrainingRaces:
             vehicle=self.vehicle.name,
         )
         distance = self.vehicle.collision_distance
-        rules: Any = race_rules(jnp.float32(agility), distance, LAPS * len(self.track.gates) + 1)
+        rules: Any = race_rules(jnp.float32(agility), distance, self.track.gates_to_finish(LAPS))
         rules = jax.tree.map(jnp.asarray, rules)
         steps = round(TIME_LIMIT / self.env.dynamics.control_dt)
         flight = fly(self.env, (pilot,) * self.config.drones, rules, jax.random.key(seed), steps, (1,))
