@@ -8,10 +8,11 @@ import pytest
 
 from benchmarks.identification import TRUE, measured, started, truth
 from cruise.cli.main import main
+from cruise.dynamics.rotors import places
 from cruise.errors import CruiseError
 from cruise.identify import FlightLog, identify
 from cruise.identify.grid import prepare
-from cruise.identify.model import Numbers, rate_residuals
+from cruise.identify.model import Body, Numbers, motor_thrust_per_mass, rate_residuals, yaw_residuals
 from cruise.vehicles import VEHICLES, load_vehicle, save_vehicle
 from examples.fly_to_identify import COLUMNS, fly
 
@@ -86,6 +87,29 @@ def test_true_numbers_leave_nothing(rows):
     wrong = true._replace(rate_lag=0.06)
     rest, worse = (float(np.sqrt((rate_residuals(flight, one)[:2] ** 2).mean())) for one in (true, wrong))
     assert rest < 0.05 < 3 * rest < worse
+
+
+def test_drag_of_single_rotors_yaws_by_their_arms(rows):
+    """By cross products: where rotors go by speed, each is pulled back by its own share of the drag."""
+    flight = prepare(measured(rows, seed=0), TRUE)
+    numbers = Numbers(30.0, 0.0, 0.03, 0.04, 0.0, 0.0, 0.0, 0.0, 0.4, 0.0, 0.016)
+    arms = places(TRUE.airframe.rotors)
+    body = Body(TRUE.mass, TRUE.inertia, tuple(arms))
+    with_drag, without = (
+        yaw_residuals(flight, numbers._replace(horizontal_drag=drag), True, body) for drag in (0.4, 0.0)
+    )
+    velocity_b = np.einsum("wbn,wn->nb", flight.rotation[:, :, :-1], flight.velocity[:, :-1])
+    torque = np.zeros(len(velocity_b))
+    for arm, thrust in zip(arms, motor_thrust_per_mass(flight, numbers, True), strict=True):
+        share = np.sqrt(thrust / (flight.gravity / 4))[:, None]
+        torque += np.cross(arm, -TRUE.mass * 0.4 / 4 * share * velocity_b)[:, 2]
+    yawed = np.concatenate([[0.0], np.cumsum(torque) * flight.dt]) / TRUE.inertia[2]
+    samples = flight.measured_rates
+    pushed = np.interp(samples.times, flight.edges, yawed)
+    mean = (pushed * samples.there).sum(axis=1) / np.maximum(samples.there.sum(axis=1), 1)
+    expected = -(pushed - mean[:, None]) * samples.there
+    assert np.abs(expected).max() > 0.01
+    np.testing.assert_allclose((with_drag - without)[0], expected, atol=1e-9)
 
 
 def test_who_is_always_at_its_limits_is_told_so(rows):

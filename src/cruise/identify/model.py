@@ -20,6 +20,7 @@ class Body(NamedTuple):
 
     mass: float  # [kg]
     inertia: tuple[float, float, float]  # principal moments [kg m^2]
+    rotors: tuple[tuple[float, float, float], ...]  # where they are, body frame [m]
 
 
 class Numbers(NamedTuple):
@@ -118,9 +119,25 @@ def yaw_residuals(flight: Flight, numbers: Numbers, by_speed: bool, body: Body) 
     turned = sum(sign * thrust for sign, thrust in zip(YAW, each, strict=True))
     (jx, jy, jz), (p, q, r) = body.inertia, flight.rates[:, :-1]
     pulled = (numbers.torque_ratio * body.mass * turned - (jy - jx) * p * q) / jz - numbers.yaw_damping * r
+    if by_speed and flight.rotation is not None and flight.velocity is not None:
+        pulled = pulled + body.mass / jz * _yaw_of_drag(flight, numbers, body, each)
     predicted = np.concatenate([[0.0], np.cumsum(pulled) * flight.dt])
     samples = flight.measured_rates
     return _centred(samples.values[2:] - _at(flight, predicted[None], samples), samples)
+
+
+def _yaw_of_drag(flight: Flight, numbers: Numbers, body: Body, each: list[ndarray]) -> Float[ndarray, " K"]:
+    """Torque about z per mass of the drags of single rotors, which are as strong as each turns fast [m^2/s^2].
+
+    Of a rotor at (x, y) with the share s of hovering's speed it is -(x v_y - y v_x) s D / 4. What turning adds to the
+    velocity of a rotor is in the damping of yaw.
+    """
+    assert flight.rotation is not None
+    assert flight.velocity is not None
+    ahead, left = np.einsum("wbn,wn->bn", flight.rotation[:, :2, :-1], flight.velocity[:, :-1])
+    shares = [np.sqrt(4 * np.maximum(thrust, 0.0) / flight.gravity) for thrust in each]
+    arms = sum(share * (x * left - y * ahead) for share, (x, y, _) in zip(shares, body.rotors, strict=True))
+    return np.asarray(-numbers.horizontal_drag / 4 * arms)
 
 
 def thrust_per_mass(flight: Flight, numbers: Numbers, by_speed: bool) -> Float[ndarray, " K"]:

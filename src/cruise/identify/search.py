@@ -10,6 +10,7 @@ from scipy.optimize import least_squares
 from scipy.stats import t as student
 
 from cruise.config import Vehicle
+from cruise.dynamics.rotors import places
 from cruise.errors import CruiseError
 from cruise.identify import model
 from cruise.identify.found import KINDS
@@ -33,7 +34,9 @@ class Search:
     """The search for the numbers."""
 
     def __init__(self, start: Vehicle, flights: Sequence[Flight]) -> None:
+        assert start.airframe is not None
         self.start, self.by_speed = start, False
+        self.body = Body(start.mass, start.inertia, tuple(places(start.airframe.rotors)))
         self.numbers = _numbers_of(start)
         self.logged, self.left_out = list(flights), 0.0
         self._leave_out_limits()
@@ -122,8 +125,7 @@ class Search:
             function = {"velocity": model.velocity_residuals, "lift": model.lift_residuals}[kind]
             found[kind] = function(flight, numbers, self.by_speed)
         if flight.motors is not None:
-            body = Body(self.start.mass, self.start.inertia)
-            found["yaw"] = model.yaw_residuals(flight, numbers, self.by_speed, body)
+            found["yaw"] = model.yaw_residuals(flight, numbers, self.by_speed, self.body)
         return found
 
     def _weigh(self) -> None:
@@ -203,11 +205,14 @@ class Search:
     def _half(self, name: str) -> float:
         """Half of an interval: chance, and what the equations leave out.
 
-        No time is surer than half a step of the log or of the loop, and no other number than `SYSTEMATIC`.
+        No time is surer than half a step of the log or of the loop, and no other number than `SYSTEMATIC`. What motors
+        are told between two rows is not in the log, while a step of the yaw rate dies away within the loop's lag.
         """
         chance = float(student.ppf((1 + CONFIDENCE) / 2, self.degrees)) * self.spread[name]
-        value = abs(getattr(self.numbers, name))
-        return float(np.hypot(chance, self.resolution / 2 if name in TIMES else SYSTEMATIC * value))
+        if name in TIMES:
+            return float(np.hypot(chance, self.resolution / 2))
+        between = self.resolution / 2 / self.numbers.rate_lag if name == "torque_ratio" else 0.0
+        return float(np.hypot(chance, np.hypot(SYSTEMATIC, between) * abs(getattr(self.numbers, name))))
 
     def _is_told(self, name: str) -> bool:
         half, value = self._half(name), abs(getattr(self.numbers, name))

@@ -170,7 +170,7 @@ _LAYOUT: dict[str, tuple[str, str]] = {
     "version": ("i", ""),
 }
 # Arrays that the first logs did not have, and what held there.
-_SINCE: dict[str, Callable[[Mapping[str, np.ndarray]], np.ndarray | float]] = {
+_SINCE: dict[str, Callable[[Mapping[str, np.ndarray]], np.ndarray | float | str]] = {
     "collision_aspect": lambda log: 1.0,
     "gate_roll": lambda log: np.zeros(log["gate_yaw"].shape),
     "gate_pitch": lambda log: np.zeros(log["gate_yaw"].shape),
