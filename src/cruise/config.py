@@ -242,6 +242,7 @@ class Track:
     bounds_high: Vec3  # highest corner [m]
     laps: int = 3
     frame_width: float = 0.3  # solid border around every opening [m]
+    frame_depth: float = 0.0  # how thick it is along the flight [m]
     leave_distance: float = 10.0  # farther than this from every gate has left the track [m]
     variants: tuple[tuple[Gate, ...], ...] = ()  # other places of the same gates; where given, every race draws one
     variant_obstacles: tuple[tuple[Obstacle, ...], ...] = ()  # of each of the variants; none: `obstacles` of all

@@ -192,8 +192,8 @@ def munich(name: str, gates: Sequence[tuple[Vec3, Vec3]], tops: Sequence[Vec3], 
 
     There a drone collides as a box of 0.14 x 0.14 x 0.04 m, here as a point: so everything solid is bigger here, by
     0.07 m, at the sides of gates by as much as a box takes up that does not turn, at poles by half its diagonal.
-    Without that, openings are 0.4 m, their frames reach to 0.36 m from the centre, every gate stands on a box of 0.1 m
-    that ends 0.36 m under its centre, and poles have a radius of 15 mm and end 15 mm above their `tops`.
+    Without that, openings are 0.4 m, their frames of 0.02 m reach to 0.36 m from the centre, every gate stands on a box
+    of 0.1 m that ends 0.36 m under its centre, and poles have a radius of 15 mm and end 15 mm above their `tops`.
 
     Args:
         name: of the track.
@@ -218,6 +218,7 @@ def munich(name: str, gates: Sequence[tuple[Vec3, Vec3]], tops: Sequence[Vec3], 
         laps=1,
         finish="last",
         frame_width=0.16 + BODY + max(across),
+        frame_depth=0.02 + 2 * BODY,
         leave_distance=2 * max(reach),
         obstacles=(*poles, *stands),
         start=StartPlaces(tuple(starts)),

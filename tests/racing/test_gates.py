@@ -142,6 +142,21 @@ def test_the_frame_of_any_gate_is_solid_but_only_the_target_is_passed_or_missed(
             assert seen == (target == 2 or name == "hit_frame")
 
 
+def test_a_thick_frame_is_struck_in_its_middle_or_in_one_of_its_faces() -> None:
+    """As the frames of three gates, one in the middle and one where each face is."""
+    segments = random_segments(TILTED, COUNT, seed=5)
+    faces = [
+        replace(TILTED, gates=tuple(replace(g, position_w=tuple(g.position_w + by * axes(g)[0])) for g in TILTED.gates))
+        for by in (-0.2, 0.0, 0.2)
+    ]
+    thick, each = judge(replace(TILTED, frame_depth=0.4), segments), [judge(face, segments) for face in faces]
+    np.testing.assert_array_equal(thick.hit_frame, np.any([face.hit_frame for face in each], axis=0))
+    assert thick.hit_frame.sum() > each[1].hit_frame.sum() + 10
+    np.testing.assert_array_equal(thick.passed, each[1].passed)
+    first = np.min([face.frame_fraction for face in each], axis=0)
+    np.testing.assert_allclose(thick.frame_fraction, first, atol=1e-4)
+
+
 @pytest.mark.parametrize("yaw", [0.9, -2.2])
 def test_turning_and_moving_the_world_changes_no_verdict(yaw: float) -> None:
     turn, shift = yaw_matrix(yaw), np.array([3.0, -5.0, 1.5])

@@ -26,7 +26,7 @@ MALFORMED: dict[str, tuple[str, list[str]]] = {
     "unknown key": ("lapps = 3\n" + SOUND, ["unknown key 'lapps'; did you mean 'laps'?"]),
     "unlike any key": (
         "colour = 3\n" + SOUND,
-        ["unknown key 'colour'; known are name, laps, finish, frame_width, leave_distance, bounds, gates"],
+        ["unknown key 'colour'; known are name, laps, finish, frame_width, frame_depth, leave_distance, bounds, gates"],
     ),
     "no laps": ("laps = 0\n" + SOUND, ["laps must be 1 to 1000, got 0"]),
     "negative laps": ("laps = -2\n" + SOUND, ["laps must be 1 to 1000, got -2"]),

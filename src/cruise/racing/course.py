@@ -32,6 +32,7 @@ class Course(NamedTuple):
     leave_distance: Float[Array, ""]
     tilt: Float[Array, "4 G *B"] | None = None  # (cos pitch, sin pitch, cos roll, sin roll); None: all stand upright
     is_round: Bool[Array, "1 G"] | None = None  # None: all are rectangles
+    half_depth: Float[Array, ""] | None = None  # of frames along the flight; None: they have none
     solids: dict[str, Float[Array, "C S *B"]] | None = None  # by kind, see `cruise.racing.solids`; None: gates alone
 
     @property
@@ -64,6 +65,7 @@ def make_course(track: Track) -> Course:
         leave_distance=jnp.float32(track.leave_distance),
         tilt=_tilt(gates),
         is_round=jnp.array([[g.shape == "round" for g in gates]]) if any(g.shape == "round" for g in gates) else None,
+        half_depth=jnp.float32(track.frame_depth / 2) if track.frame_depth else None,
         solids={kind: jnp.array(table, jnp.float32) for kind, table in solid_columns(track.obstacles).items()} or None,
     )
 

@@ -1,11 +1,12 @@
 """Swept gate crossing: where the segment flown in a step meets the planes of the gates."""
 
+import functools
 from typing import NamedTuple
 
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from cruise.geometry import NEVER, beyond_opening, plane_fraction, to_gate
+from cruise.geometry import NEVER, beyond_opening, from_gate, plane_fraction, to_gate
 from cruise.racing.course import Course, Opening, opening, over_columns, target_opening
 from cruise.vector import once, stored
 
@@ -73,15 +74,17 @@ def cross_gates(
 
     def visit(found: tuple[Array, ...], gate: int | Int[Array, ""]) -> tuple[Array, ...]:
         ahead, fraction, offset, frame_fraction = found
-        plane = cross_opening(opening(course, gate), start_w, end_w)
+        here = opening(course, gate)
+        plane = cross_opening(here, start_w, end_w)
         is_target = target == gate
-        on_frame = (plane.offset > tolerance) & (plane.offset <= tolerance + course.frame_width)
-        struck = on_frame & (plane.ahead | plane.back)
+        faces = [plane, *(cross_opening(face, start_w, end_w) for face in _faces(here, course.half_depth))]
         return (
             ahead | (plane.ahead & is_target),
             jnp.where(is_target, plane.fraction, fraction),
             jnp.where(is_target, plane.offset, offset),
-            jnp.minimum(frame_fraction, jnp.where(struck, plane.fraction, NEVER)),
+            functools.reduce(
+                jnp.minimum, (_struck(face, course.frame_width, tolerance) for face in faces), frame_fraction
+            ),
         )
 
     zero = jnp.zeros(target.shape)
@@ -96,6 +99,23 @@ def cross_gates(
         offset=offset,
         frame_fraction=frame_fraction,
     )
+
+
+def _faces(gate: Opening, half_depth: Array | None) -> list[Opening]:
+    """Where the frame begins and ends along the flight, where it has a depth: the gate, so far before and behind."""
+    if half_depth is None:
+        return []
+    ahead = from_gate(gate.normal_w, (half_depth, 0.0, 0.0), gate.tilt)
+    return [
+        gate._replace(position_w=jnp.stack([at + side * by for at, by in zip(gate.position_w, ahead, strict=True)]))
+        for side in (-1, 1)
+    ]
+
+
+def _struck(plane: PlaneCrossing, frame_width: Array, tolerance: Array | float) -> Array:
+    """The fraction of the step at which the frame is struck in a plane, or `NEVER`."""
+    on_frame = (plane.offset > tolerance) & (plane.offset <= tolerance + frame_width)
+    return jnp.where(on_frame & (plane.ahead | plane.back), plane.fraction, NEVER)
 
 
 def cross_next(

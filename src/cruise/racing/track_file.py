@@ -1,8 +1,8 @@
 """Tracks as TOML files, and every fault a track can have. Plain Python: no JAX.
 
-A track file has `name`, optionally `laps`, `finish`, `frame_width`, `leave_distance`, `[bounds]` and `[start]`, one
-`[[gates]]` table for each gate in the order of flight, and `[[poles]]` and `[[walls]]`; `docs/tracks.md` describes all
-keys.
+A track file has `name`, optionally `laps`, `finish`, `frame_width`, `frame_depth`, `leave_distance`, `[bounds]` and
+`[start]`, one `[[gates]]` table for each gate in the order of flight, and `[[poles]]` and `[[walls]]`; all keys are in
+`docs/tracks.md`.
 """
 
 import re
@@ -182,6 +182,7 @@ def to_document(track: Track) -> dict[str, Any]:
         "laps": track.laps,
         **({"finish": track.finish} if track.finish != "first" else {}),
         "frame_width": track.frame_width,
+        **({"frame_depth": track.frame_depth} if track.frame_depth else {}),
         "leave_distance": track.leave_distance,
         "bounds": {"low": list(track.bounds_low), "high": list(track.bounds_high)},
     }
@@ -225,6 +226,7 @@ def from_document(document: schema.Table) -> Track:
         laps=document.get("laps", LAPS),
         finish=document.get("finish", "first"),
         frame_width=float(document.get("frame_width", FRAME_WIDTH)),
+        frame_depth=float(document.get("frame_depth", 0.0)),
         leave_distance=float(document.get("leave_distance", max(LEAVE_DISTANCE, longest))),
         obstacles=tuple(kind.read(table) for kind in KINDS for table in document.get(kind.table, [])),
         start=_start(document["start"]) if "start" in document else None,

@@ -39,6 +39,7 @@ TRACK_KEYS: Mapping[str, Check] = {
     "laps": laps,
     "finish": lambda value: toml_file.choice(value, get_args(Finish)),
     "frame_width": not_negative,
+    "frame_depth": not_negative,
     "leave_distance": positive,
     "bounds": anything,
     "gates": anything,

@@ -66,6 +66,6 @@ def rate_answer(time: np.ndarray, loop: float, lag: float) -> np.ndarray:
     """
     if lag == 0:
         return np.asarray(1 - np.exp(-time / loop))
-    root = np.sqrt(complex(1 - 4 * lag / loop)) + 1e-9  # of two roots that are one
+    root = np.sqrt(complex(1 - 4 * lag / loop)) + 1e-4  # of two roots that are one
     slow, fast = (-1 + root) / (2 * lag), (-1 - root) / (2 * lag)
     return np.asarray(np.real(1 - (fast * np.exp(slow * time) - slow * np.exp(fast * time)) / (fast - slow)))
