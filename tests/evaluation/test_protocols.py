@@ -85,6 +85,17 @@ def test_a_field_and_line_ups_are_flown_and_told(monkeypatch, capsys):
     assert rows["chaser"]["measures"]["rank"]["mean"] < rows["hover"]["measures"]["rank"]["mean"]
 
 
+def test_munichs_protocol_tells_of_what_is_near_alone_unless_asked_otherwise(monkeypatch, capsys):
+    flown = []
+    monkeypatch.setattr("cruise.evaluation.protocol_races.fly_field", lambda match, *_: flown.append(match) or [])
+    for flags in ([], ["--sensing", "camera"]):
+        assert main(["evaluate", "--protocol", "lsy", "--vehicle", "racer", "--pilot", "hover", *flags, "--json"]) == 0
+    near, seen = (match.sensing for match in flown)
+    assert (near.sensing, near.sensor_range, near.fix_error) == ("range", 0.7, 0.0)
+    assert seen.sensing == "camera"
+    assert {match.randomisation.solid_shift for match in flown} == {0.15}
+
+
 @pytest.mark.parametrize(
     ("flags", "message"),
     [

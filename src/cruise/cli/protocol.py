@@ -10,6 +10,7 @@ from rich.table import Column, Table
 
 from cruise.cli.console import make_console
 from cruise.cli.line_up import LineUp
+from cruise.config import EXACT
 from cruise.errors import CruiseError
 
 if TYPE_CHECKING:
@@ -53,6 +54,8 @@ def _fields(protocol: "Protocol", line_up: LineUp, seed: int) -> "Iterator[Row]"
         match = dataclasses.replace(line_up, track=track, drones=drones).match(protocol.laps)
         if line_up.randomise == 0.0:
             match = dataclasses.replace(match, randomisation=protocol.randomisation)
+        if line_up.sensing == EXACT:
+            match = dataclasses.replace(match, sensing=protocol.sensing)
         races = [Outcome.of(log) for log in fly_field(match, protocol, seed)]
         yield from rows_of(track, drones, protocol, races)
 

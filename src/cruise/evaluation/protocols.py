@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cruise.config import Randomisation, StartPlaces, Track
+from cruise.config import EXACT, Randomisation, Sensing, StartPlaces, Track
 from cruise.errors import CruiseError
 from cruise.tracks import on_arc
 
@@ -63,6 +63,7 @@ class Protocol:
     time_limit: float | None = None  # None: as every race [s]
     grid: StartGrid | None = None  # in place of starts by chance; its starts are the races
     randomisation: Randomisation = NOTHING_RANDOM
+    sensing: Sensing = EXACT
     line_ups: int = 0  # of `line_up` pilots drawn from a pool with replacement, where one is given
     line_up: int = 4
 
@@ -96,5 +97,8 @@ LSY = Protocol(
     races=100,
     measures=("finished", "gates", "time", "hit_gate", "hit_world"),
     randomisation=Randomisation(gate_shift=0.15, gate_turn=0.2, gate_tilt=0.1, solid_shift=0.15, mass_spread=0.115),
+    sensing=Sensing(
+        "range", 0.7, sensor_rate=50.0, sensor_latency=0.0, velocity_bias=0.0, drift_share=0.0, fix_error=0.0
+    ),
 )
 PROTOCOLS: dict[str, Protocol] = {protocol.name: protocol for protocol in (PAPER, UZH, LSY)}
