@@ -45,6 +45,7 @@ class Rotors:
     time_constant: float = 0.0  # first-order lag of the thrust; 0: none [s]
     radius: float = 0.0635  # of a propeller [m]
     saturate: bool = True  # False: as if rotors had no limits
+    thrust_curve: float = 0.0  # 0 to 1: how far thrust goes with the square of the command, unknown to the controller
 
 
 @dataclass(frozen=True)
@@ -53,6 +54,7 @@ class Rates:
 
     time_constant: float = 0.04  # of the response without rotor lag, on every axis [s]
     highest: Vec3 = (10.0, 10.0, 3.0)  # that can be commanded: roll, pitch, yaw [rad/s]
+    integral_gain: float = 0.0  # of the integral of the error, per gain of the error; 0: no integral [1/s]
 
 
 @dataclass(frozen=True)
@@ -366,6 +368,9 @@ class Randomisation:
     lag_spread: float = 0.0  # Largest relative error of the time constants of rotors and rate loop.
     clip_share: float = 0.0  # Largest share of a saturated command that is clipped per rotor, not by priority.
     extra_delay: float = 0.0  # Largest extra action delay [s].
+    extra_integral: float = 0.0  # Largest extra integral gain of the rate loop [1/s].
+    extra_idle: float = 0.0  # Largest extra thrust of idle rotors, as a share of their highest.
+    extra_curve: float = 0.0  # Largest extra share of the square of the command in the rotors' thrust.
     wind_speed: float = 0.0  # Largest speed of a steady horizontal wind [m/s].
     gust_speed: float = 0.0  # Root mean square of the turbulence, per axis [m/s].
     gate_shift: float = 0.0  # Largest displacement of a gate, per axis [m].

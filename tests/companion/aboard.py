@@ -41,7 +41,8 @@ def _told(flight, body, wrench, asked, memory):
 
 
 PLANT = make_quadrotor(
-    replace(RACER, control_dt=DT, substeps=1), FlightController(_told, lambda zero: jnp.zeros((4, *zero.shape)))
+    replace(RACER, control_dt=DT, substeps=1),
+    FlightController(_told, lambda vehicle, parameters, zero: jnp.zeros((4, *zero.shape))),
 )
 STEP = jax.jit(lambda state, motors: PLANT.step(_with(state, motors), jnp.zeros(4), RACER.agility))
 
@@ -184,11 +185,18 @@ class Aboard:
         self.companion.step(newest)
 
     def _bridge(self) -> None:
+        if self.master is None:
+            return
         if select.select([self.master], [], [], 0)[0]:
             self.controller.hear(os.read(self.master, 4096))
         said = self.controller_heard(self.controller.say())
         if said:
             os.write(self.master, said)
+
+    def unplug(self) -> None:
+        """The cable comes off."""
+        os.close(self.master)
+        self.master = None
 
     def take_off(self) -> None:
         """A person arms, and hands over while the drone is held at its place; then it is let go."""
@@ -204,5 +212,6 @@ class Aboard:
         self.link.close()
         self.receiver.close()
         self.estimator.close()
-        os.close(self.master)
+        if self.master is not None:
+            self.unplug()
         self.controller.close()

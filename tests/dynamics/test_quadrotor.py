@@ -7,8 +7,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy import signal
 from scipy.spatial.transform import Rotation
 
+from cruise.config import Rates
 from cruise.dynamics import DroneState, Parameters
 from cruise.dynamics.rigid_body import Wrench
 from cruise.dynamics.rotors import rotor_thrusts
@@ -70,6 +72,23 @@ def test_rates_follow_as_a_first_order_lag() -> None:
     quick = replace(BARE, substeps=100)
     flown = np.asarray(fly(quick, state_of(quick), repeated(action_for(quick, WEIGHT, tuple(wanted)), 10)).body[3])
     np.testing.assert_allclose(flown, wanted * (1 - np.exp(-t / 0.04)), atol=0.003 * 3)
+
+
+def test_the_integral_of_the_rate_loop_is_a_pi_controllers() -> None:
+    """omega / omega_c = (s + k) / (t s^2 + s + k), without rotor lag and limits; what has wound up is bounded."""
+    k, t, wanted = 12.0, 0.04, np.array([1.0, -0.7, 0.4])
+    vehicle = with_airframe(replace(BARE, substeps=100), rates=Rates(time_constant=t, integral_gain=k))
+    start = dynamics_of(vehicle).init(jnp.array([0.0, 0.0, 50.0]), jnp.asarray(0.0))
+    states = fly(vehicle, start, repeated(action_for(vehicle, WEIGHT, tuple(wanted)), 20))
+    times = DT * np.arange(1, 21)
+    _, response = signal.step(([1, k], [t, 1, k]), T=np.concatenate([[0.0], times]))
+    np.testing.assert_allclose(np.asarray(states.body[3]), wanted * response[1:, None], atol=0.01)
+    weak = with_rotors(with_airframe(RACER, rates=Rates(integral_gain=500.0)), max_thrust=3.0)
+    start = dynamics_of(weak).init(jnp.array([0.0, 0.0, 50.0]), jnp.asarray(0.0))
+    wound = fly(weak, start, repeated(action_for(weak, WEIGHT, (9.0, -9.0, 3.0)), 5)).memory.controller
+    most = [2 * lever * 3.0 for lever in (0.1, 0.075, 0.022)]
+    assert all(np.abs(np.asarray(one)).max() <= limit * (1 + 1e-9) for one, limit in zip(wound, most, strict=True))
+    assert np.isclose(np.abs(np.asarray(wound[2])).max(), most[2])
 
 
 @pytest.mark.parametrize("name", AGILE)
@@ -252,6 +271,9 @@ CHANGED = {
     "rate_lag": 0.06,
     "delay": 0.012,
     "wind_w": (2.0, -1.0, 0.5),
+    "min_thrust": 0.4,
+    "thrust_curve": 0.3,
+    "integral_gain": 10.0,
 }
 
 
@@ -268,6 +290,9 @@ def with_parameters(state: DroneState, drones: int, **parameters: float | tuple)
         "rate_lag": 0.04,
         "delay": 0.0,
         "wind_w": (0.0, 0.0, 0.0),
+        "min_thrust": 0.0,
+        "thrust_curve": 0.0,
+        "integral_gain": 0.0,
     }
     columns = {}
     for name, value in parameters.items():
@@ -281,6 +306,7 @@ def as_built() -> tuple[DroneState, np.ndarray, DroneState]:
     with jax.enable_x64(True):
         start = state_of(RACER, random_attitudes(2), velocity=np.full((3, 2), 3.0), position=np.full((3, 2), 50.0))
         start = jax.tree.map(lambda x: jnp.broadcast_to(x[..., :1], x.shape), start)
+        start = start._replace(memory=start.memory._replace(controller=(jnp.zeros(2),) * 3))  # of an integral
         actions = np.repeat(smooth_actions(25, 1), 2, axis=2)
         return start, actions, fly(RACER, start, actions)
 
@@ -296,12 +322,14 @@ def test_every_parameter_may_differ_from_drone_to_drone(as_built) -> None:
 
 
 def test_parameters_are_those_of_another_vehicle(as_built) -> None:
-    """Drag, lags and delay as parameters are drag, lags and delay of the vehicle."""
+    """Drag, lags, delay and what the rate loop and the motors are like as parameters are those of the vehicle."""
     start, actions, _ = as_built
-    names = ("horizontal_drag", "vertical_drag", "quadratic_drag", "rotor_lag", "rate_lag", "delay")
+    names = set(CHANGED) - {"mass", "inertia", "thrust_gain", "wind_w"}
     flown = fly(RACER, with_parameters(start, 2, **{name: CHANGED[name] for name in names}), actions)
-    other = with_drag(with_rotors(RACER, time_constant=0.05), horizontal=0.5, vertical=0.2, quadratic=0.03)
-    other = with_airframe(other, rates=replace(RACER.airframe.rates, time_constant=0.06), delay=0.012)
+    rotors = {"time_constant": 0.05, "min_thrust": 0.4, "thrust_curve": 0.3}
+    other = with_drag(with_rotors(RACER, **rotors), horizontal=0.5, vertical=0.2, quadratic=0.03)
+    rates = replace(RACER.airframe.rates, time_constant=0.06, integral_gain=10.0)
+    other = with_airframe(other, rates=rates, delay=0.012)
     expected = fly(other, start, actions)
     for now, then in zip(flown.body, expected.body, strict=True):
         np.testing.assert_allclose(now[..., 1], then[..., 1], atol=1e-9)
@@ -313,6 +341,8 @@ def test_unused_parameters_are_not_there() -> None:
     assert jax.tree.leaves(state.parameters) == []
     heavy = dynamics_of(RACER).init(jnp.zeros((3, 4)), jnp.zeros(4), Parameters(mass=jnp.ones(4)))
     assert len(jax.tree.leaves(heavy)) == len(jax.tree.leaves(state)) + 1
+    winding = dynamics_of(RACER).init(jnp.zeros((3, 4)), jnp.zeros(4), Parameters(integral_gain=jnp.ones(4)))
+    assert [wound.shape for wound in winding.memory.controller] == [(4,)] * 3
 
 
 def test_the_ground_holds_a_drone_up() -> None:

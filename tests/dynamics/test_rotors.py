@@ -10,7 +10,7 @@ import pytest
 
 from cruise.config import Rotors
 from cruise.dynamics.rigid_body import Wrench
-from cruise.dynamics.rotors import Demand, clipped, follow, lag_over, rotor_thrusts, saturate, wrench_of
+from cruise.dynamics.rotors import Demand, clipped, curved, follow, lag_over, rotor_thrusts, saturate, wrench_of
 
 ROTORS = Rotors(offset=(0.075, 0.1), torque_ratio=0.022, max_thrust=6.0, min_thrust=0.2, time_constant=0.033)
 PLACES = np.array([[0.075, 0.1], [0.075, -0.1], [-0.075, -0.1], [-0.075, 0.1]])  # front left, then clockwise
@@ -74,14 +74,16 @@ def test_no_rotor_ever_leaves_its_limits() -> None:
 
 def test_a_cut_rotor_by_rotor_is_that_of_every_thrust_alone() -> None:
     wild = random_thrusts(-30, 40)
-    found = thrusts_of(clipped(ROTORS, demand_of(mixer() @ wild)))
+    found = thrusts_of(clipped(ROTORS, demand_of(mixer() @ wild), ROTORS.min_thrust))
     np.testing.assert_allclose(found, wild.clip(ROTORS.min_thrust, ROTORS.max_thrust), atol=1e-12)
 
 
 def test_a_share_of_it_lies_between_the_two_cuts_and_within_the_limits() -> None:
     demand = demand_of(mixer() @ random_thrusts(-30, 40))
     by_priority, by_rotor = (saturate(ROTORS, demand, share) for share in (None, 1.0))
-    np.testing.assert_allclose(wrench_from(by_rotor), wrench_from(clipped(ROTORS, demand)), atol=1e-12)
+    np.testing.assert_allclose(
+        wrench_from(by_rotor), wrench_from(clipped(ROTORS, demand, ROTORS.min_thrust)), atol=1e-12
+    )
     assert np.abs(wrench_from(by_priority) - wrench_from(by_rotor)).max() > 0.1
     quarter = wrench_from(saturate(ROTORS, demand, 0.25))
     np.testing.assert_allclose(quarter, 0.75 * wrench_from(by_priority) + 0.25 * wrench_from(by_rotor), atol=1e-12)
@@ -134,6 +136,22 @@ def test_roll_and_pitch_go_before_thrust_and_thrust_before_yaw() -> None:
     changed = np.abs(expected - wrench) > 0.01 * np.abs(wrench).max(axis=1, keepdims=True)
     assert changed.any(axis=1).all()  # each of the four gives way somewhere
     np.testing.assert_allclose(wrench_from(saturate(ROTORS, demand_of(wrench))), expected, atol=1e-8)
+
+
+def test_another_idle_is_that_of_rotors_that_have_it() -> None:
+    demand = demand_of(mixer() @ random_thrusts(-30, 40))
+    other = replace(ROTORS, min_thrust=1.5 * ROTORS.min_thrust)
+    for share in (None, 0.3):
+        found, wanted = (saturate(ROTORS, demand, share, other.min_thrust), saturate(other, demand, share))
+        np.testing.assert_allclose(wrench_from(found), wrench_from(wanted), atol=1e-12)
+
+
+def test_a_curve_is_that_of_every_rotor_alone() -> None:
+    told = random_thrusts(0, ROTORS.max_thrust)
+    found = thrusts_of(curved(ROTORS, demand_of(mixer() @ told), 0.4))
+    np.testing.assert_allclose(found, 0.6 * told + 0.4 * told**2 / ROTORS.max_thrust, atol=1e-12)
+    demand = demand_of(mixer() @ told)
+    assert curved(ROTORS, demand, 0.0) is demand
 
 
 def test_saturation_can_be_switched_off() -> None:

@@ -69,6 +69,17 @@ def test_physical_parameters_spread_evenly_drone_by_drone() -> None:
     assert not wind[2].any()
 
 
+def test_what_firmware_and_motors_are_like_comes_on_top_drone_by_drone() -> None:
+    extra = Randomisation(extra_integral=20.0, extra_idle=0.1, extra_curve=0.3)
+    drones = drawn(extra).drones
+    highest = (20.0, 0.1 * RACER.airframe.rotors.max_thrust, 0.3)
+    for name, most in zip(("integral_gain", "min_thrust", "thrust_curve"), highest, strict=True):
+        value = np.asarray(getattr(drones.parameters, name))
+        assert value.shape == (2, RACES)
+        np.testing.assert_allclose([value.min(), value.mean(), value.max()], [0, most / 2, most], atol=0.06 * most)
+    assert [wound.shape for wound in drones.memory.controller] == [(2, RACES)] * 3
+
+
 def test_what_is_not_random_stays_out_of_the_state() -> None:
     plain = drawn(Randomisation())
     assert len(jax.tree.leaves((plain.drones.parameters, plain.surroundings))) == 0

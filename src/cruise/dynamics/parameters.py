@@ -28,6 +28,9 @@ class Parameters(NamedTuple):
     clip_share: Scalar | None = None  # of a demand's cut to the rotors' limits that is made rotor by rotor
     delay: Scalar | None = None  # from an action to its effect [s]
     wind_w: Triple | None = None  # velocity of the air [m/s]
+    integral_gain: Scalar | None = None  # of the rate loop [1/s]
+    min_thrust: Scalar | None = None  # that a rotor is told, at least [N]
+    thrust_curve: Scalar | None = None  # how far a rotor's thrust goes with the square of its command
 
 
 AS_BUILT = Parameters()
@@ -47,6 +50,9 @@ class Physics(NamedTuple):
     clip_share: Scalar | None  # None: by priority alone
     delay: Scalar
     wind_w: Triple | None  # None: the air stands still
+    integral_gain: Scalar
+    min_thrust: Scalar
+    thrust_curve: Scalar
 
 
 def physics_of(vehicle: Vehicle, parameters: Parameters = AS_BUILT) -> Physics:
@@ -65,6 +71,9 @@ def physics_of(vehicle: Vehicle, parameters: Parameters = AS_BUILT) -> Physics:
         clip_share=None,
         delay=airframe.delay,
         wind_w=None,
+        integral_gain=airframe.rates.integral_gain,
+        min_thrust=airframe.rotors.min_thrust,
+        thrust_curve=airframe.rotors.thrust_curve,
     )
     changed: dict[str, Any] = {name: value for name, value in parameters._asdict().items() if value is not None}
     return built._replace(**changed)

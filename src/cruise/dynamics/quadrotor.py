@@ -19,7 +19,7 @@ from cruise.dynamics.downwash import induced_air_w
 from cruise.dynamics.integrators import make_integrator
 from cruise.dynamics.parameters import AS_BUILT, Parameters, Physics, physics_of
 from cruise.dynamics.rigid_body import Wrench, make_free_derivative
-from cruise.dynamics.rotors import Demand, Lag, follow, lag_over, rotor_thrusts, saturate, scaled
+from cruise.dynamics.rotors import Demand, Lag, curved, follow, lag_over, levers, rotor_thrusts, saturate, scaled
 from cruise.dynamics.tracking import demanded_force, towards
 from cruise.dynamics.types import DroneState, Dynamics, FreeBody, Reference
 from cruise.terms import Term
@@ -39,21 +39,48 @@ class FlightController(NamedTuple):
     """Rate loop and mixer: what makes of a setpoint a wrench that the rotors can give.
 
     `demand(flight, body, wrench, asked, memory)` gives the wrench for the next sub-step, and its memory after that;
-    `init(zero)` is its memory at the start, `zero` being an array [*B] of zeros.
+    `init(vehicle, parameters, zero)` is its memory at the start, `zero` being an array [*B] of zeros.
     """
 
     demand: Callable[["Flight", FreeBody, Demand, Setpoint, Any], tuple[Demand, Any]]
-    init: Callable[[Array], Any]
+    init: Callable[[Vehicle, Parameters, Array], Any]
 
 
 def own_law(flight: "Flight", body: FreeBody, wrench: Demand, asked: Setpoint, memory: Any) -> tuple[Demand, Any]:
-    """The vehicle's own rate loop, cut to what its rotors can give. It remembers nothing."""
-    demand = rate_loop(flight.vehicle, flight.physics.rate_lag, asked, body.angular_velocity_b)
-    cut = saturate(_airframe(flight.vehicle).rotors, demand, flight.physics.clip_share)
+    """The vehicle's own rate loop, cut to what its rotors can give. It remembers the torque of its integral, if any."""
+    rotors, physics = _airframe(flight.vehicle).rotors, flight.physics
+    demand = rate_loop(flight.vehicle, physics.rate_lag, asked, body.angular_velocity_b)
+    if memory:
+        memory = wind_up(flight, asked, body.angular_velocity_b, memory)
+        demand = demand._replace(torque=tuple(p + i for p, i in zip(demand.torque, memory, strict=True)))
+    cut = curved(rotors, saturate(rotors, demand, physics.clip_share, physics.min_thrust), physics.thrust_curve)
     return jax.tree.map(stored, cut), memory
 
 
-OWN_LAW = FlightController(own_law, lambda zero: ())
+def wind_up(
+    flight: "Flight", asked: Setpoint, rates_b: quaternion.Vector, before: tuple[Array, ...]
+) -> tuple[Array, ...]:
+    """tau_I = k_I J / t times the integral of omega_c - omega [N m], after one more sub-step.
+
+    It grows while rotors saturate as well, as in most firmware, up to the torque of rotors that differ by their range.
+    """
+    vehicle, physics = flight.vehicle, flight.physics
+    rotors, dt = _airframe(vehicle).rotors, vehicle.control_dt / vehicle.substeps
+    torques = []
+    for axis, lever in enumerate(levers(rotors)):
+        gain = physics.integral_gain * vehicle.inertia[axis] / physics.rate_lag
+        most = 2 * lever * (rotors.max_thrust - rotors.min_thrust)
+        torques.append(jnp.clip(before[axis] + gain * (asked.rates_b[axis] - rates_b[axis]) * dt, -most, most))
+    return tuple(torques)
+
+
+def not_wound(vehicle: Vehicle, parameters: Parameters, zero: Array) -> tuple[Array, ...]:
+    """The memory of `own_law` at the start; nothing where its loop has no integral."""
+    integrates = parameters.integral_gain is not None or _airframe(vehicle).rates.integral_gain > 0
+    return (zero, zero, zero) if integrates else ()
+
+
+OWN_LAW = FlightController(own_law, not_wound)
 
 
 def make_quadrotor(vehicle: Vehicle, controller: FlightController = OWN_LAW) -> Dynamics:
@@ -93,7 +120,7 @@ def standing(
     kept = commands_to_keep(max(airframe.delay, airframe.longest_delay), vehicle.control_dt)
     commands = jnp.broadcast_to(hovering, (kept, *hovering.shape))
     charge = one[0] if airframe.battery else None
-    return DroneState(body, Memory(wrench, commands, charge, controller.init(zero[0])), parameters)
+    return DroneState(body, Memory(wrench, commands, charge, controller.init(vehicle, parameters, zero[0])), parameters)
 
 
 def hovering_action(vehicle: Vehicle, heading: Array | float = 0.0) -> tuple[Array | float, ...]:

@@ -67,28 +67,44 @@ def scaled(demand: Demand, gain: Scalar) -> Wrench:
     return Wrench(gain * demand.thrust, (gain * roll, gain * pitch, gain * yaw))
 
 
-def saturate(rotors: Rotors, demand: Demand, clip_share: Scalar | None = None) -> Demand:
+def saturate(rotors: Rotors, demand: Demand, clip_share: Scalar | None = None, least: Scalar | None = None) -> Demand:
     """The wrench that the rotors make of a demand: itself where every rotor stays within its limits.
 
     `clip_share` of the way from the cut by priority it is that of `clipped`: what lies between two wrenches that the
-    rotors can make, they can make.
+    rotors can make, they can make. `least` is in place of the rotors' own least thrust [N].
     """
     if not rotors.saturate:
         return demand
-    cut = by_priority(rotors, demand)
+    low = rotors.min_thrust if least is None else least
+    cut = by_priority(rotors, demand, low)
     if clip_share is None:
         return cut
-    return jax.tree.map(lambda a, b: a + clip_share * (b - a), cut, clipped(rotors, demand))
+    return jax.tree.map(lambda a, b: a + clip_share * (b - a), cut, clipped(rotors, demand, low))
 
 
-def clipped(rotors: Rotors, demand: Demand) -> Demand:
-    """The wrench of a demand whose thrusts are cut rotor by rotor."""
-    thrusts = [jnp.clip(one, rotors.min_thrust, rotors.max_thrust) for one in each_thrust(rotors, demand)]
+def clipped(rotors: Rotors, demand: Demand, low: Scalar) -> Demand:
+    """The wrench of a demand whose thrusts are cut rotor by rotor, not below `low` [N]."""
+    return _made(rotors, [jnp.clip(one, low, rotors.max_thrust) for one in each_thrust(rotors, demand)])
+
+
+def curved(rotors: Rotors, demand: Demand, curve: Scalar) -> Demand:
+    """The wrench of rotors that are told the thrusts of a demand, f = u f_max, and give f_max ((1 - c) u + c u^2).
+
+    A propeller's thrust goes with the square of its speed; c is how far a command says that speed, and not thrust.
+    """
+    if isinstance(curve, float | int) and curve == 0:
+        return demand
+    return _made(
+        rotors, [one * (1 - curve + curve * jnp.abs(one) / rotors.max_thrust) for one in each_thrust(rotors, demand)]
+    )
+
+
+def _made(rotors: Rotors, thrusts: list[Any]) -> Demand:
     wrench = wrench_of(rotors, jnp.stack(thrusts))
     return Demand(wrench.collective_thrust, tuple(wrench.body_torque_b))
 
 
-def by_priority(rotors: Rotors, demand: Demand) -> Demand:
+def by_priority(rotors: Rotors, demand: Demand, low: Scalar) -> Demand:
     """The wrench of a demand that gives way where it points the thrust least.
 
     Roll and pitch come first, because they point the thrust; then the collective thrust, which gives way as
@@ -97,7 +113,7 @@ def by_priority(rotors: Rotors, demand: Demand) -> Demand:
     form here: with a the amplitude of roll and pitch on rotors 1 and 3, b that on 2 and 4, c the collective thrust per
     rotor and y the share of yaw, the thrusts are c +- a + y and c +- b - y.
     """
-    low, high = rotors.min_thrust, rotors.max_thrust
+    high = rotors.max_thrust
     roll, pitch, yaw = (torque / (4 * lever) for torque, lever in zip(demand.torque, levers(rotors), strict=True))
     a, b = jnp.abs(roll - pitch), jnp.abs(roll + pitch)
     share = jnp.minimum(1.0, (high - low) / 2 / jnp.maximum(jnp.maximum(a, b), 1e-12))

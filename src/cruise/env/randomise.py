@@ -59,6 +59,8 @@ def check_randomisation(vehicle: Vehicle, randomisation: Randomisation) -> None:
             raise CruiseError(f"{name} must be 0 or more, not {value}")
         if name.endswith("_spread") and value >= 1:
             raise CruiseError(f"{name} must be below 1, not {value}: nothing would be left of what it spreads")
+        if name in ("extra_idle", "extra_curve") and value >= 0.5:
+            raise CruiseError(f"{name} must be below 0.5, not {value}: a share of what rotors give")
         if value and name not in vehicle.randomisable:
             raise CruiseError(f"{name} needs a vehicle with an airframe, and {vehicle.name!r} has none: leave it 0")
 
@@ -183,7 +185,26 @@ def _parameters(vehicle: Vehicle, strengths: Strengths, offsets: Strengths, key:
         wind_w=None if wind is None else _wind(wind, next(keys), shape),
         clip_share=None if clip is None else jnp.minimum(1.0, clip * jax.random.uniform(next(keys), shape)),
         quadratic_drag=spread(built.quadratic_drag, "drag_spread") if built.quadratic_drag else None,
+        **_of_firmware(vehicle, strengths, key, shape),
     )
+
+
+def _of_firmware(vehicle: Vehicle, strengths: Strengths, key: Array, shape: Shape) -> dict[str, Array]:
+    """What real flight controllers and motors have beyond the vehicle's own: evenly from nothing on."""
+    assert vehicle.airframe is not None
+    rotors, rates = vehicle.airframe.rotors, vehicle.airframe.rates
+    found = {}
+    for number, (name, own, scale, parameter) in enumerate(
+        (
+            ("extra_integral", rates.integral_gain, 1.0, "integral_gain"),
+            ("extra_idle", rotors.min_thrust, rotors.max_thrust, "min_thrust"),
+            ("extra_curve", rotors.thrust_curve, 1.0, "thrust_curve"),
+        )
+    ):
+        if name in strengths:
+            chance = jax.random.uniform(jax.random.fold_in(key, number), shape)
+            found[parameter] = own + strengths[name] * scale * chance
+    return found
 
 
 def _wind(strongest: Array | float, key: Array, shape: Shape) -> Array:

@@ -42,6 +42,9 @@ def _airframe_faults(vehicle: Vehicle, airframe: Airframe) -> Iterator[str]:
     yield from _not_positive(rotors, "torque_ratio", "max_thrust", "radius")
     yield from _not_positive(airframe.rates, "time_constant")
     yield from _negative(rotors, "min_thrust", "time_constant")
+    yield from _negative(airframe.rates, "integral_gain")
+    if not 0 <= rotors.thrust_curve <= 1:
+        yield f"thrust_curve must be from 0 to 1, not {rotors.thrust_curve}"
     yield from _negative(airframe.drag, "horizontal", "vertical", "quadratic")
     yield from _negative(airframe, "delay", "longest_delay")
     for what, numbers in (("rotor offsets", rotors.offset), ("highest rates", airframe.rates.highest)):

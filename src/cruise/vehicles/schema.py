@@ -76,12 +76,14 @@ KEYS: tuple[Key, ...] = (
         ("time_constant_s", "time_constant", _not_negative, "first-order lag of the thrust; 0: none"),
         ("radius_m", "radius", _positive, "of a propeller"),
         ("saturate", "saturate", toml_file.flag, "false: as if rotors had no limits"),
+        ("thrust_curve", "thrust_curve", _not_negative, "how far thrust goes with the square of the command, 0 to 1"),
     ),
     *_keys(
         "rates",
         "airframe.rates.",
         ("time_constant_s", "time_constant", _positive, "of the body-rate loop, without rotor lag"),
         ("max_rates_rad_s", "highest", _each_positive("roll", "pitch", "yaw"), "that can be commanded"),
+        ("integral_1_s", "integral_gain", _not_negative, "gain of its integral, per gain of the error; 0: none"),
     ),
     *_keys(
         "attitude",

@@ -10,6 +10,7 @@ from jaxtyping import Array, Int
 from cruise.config import Firmware, Vehicle
 from cruise.dynamics import Dynamics, FreeBody
 from cruise.dynamics.attitude import Setpoint
+from cruise.dynamics.parameters import Parameters
 from cruise.dynamics.quadrotor import Flight, FlightController, make_quadrotor
 from cruise.dynamics.references import with_control
 from cruise.dynamics.rotors import Demand, wrench_of
@@ -73,6 +74,7 @@ def make_firmware_flown(vehicle: Vehicle, firmware: Firmware) -> Dynamics:
     return with_control(flown, make_quadrotor(flown, controller))
 
 
-def _not_begun(zero: Array) -> InFlight:
+def _not_begun(vehicle: Vehicle, parameters: Parameters, zero: Array) -> InFlight:
+    del vehicle, parameters
     none = jnp.zeros(zero.shape, jnp.int32)
     return InFlight(none, none, not_wound(zero))

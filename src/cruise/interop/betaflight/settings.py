@@ -78,7 +78,10 @@ def matched(vehicle: Vehicle) -> tuple[Setting, ...]:
     for axis, gain in zip(AXES, matched_p(vehicle), strict=True):
         lines += [
             Setting(f"set p_{axis} = {gain}", "J / (t x 4 x lever x thrust of a rotor)"),
-            Setting(f"set i_{axis} = {slow_i(gain)}", "small: it winds up where rotors saturate"),
+            Setting(
+                f"set i_{axis} = {matched_i(vehicle, gain)}",
+                "the vehicle's own, or small: it winds up where rotors saturate",
+            ),
             Setting(f"set d_{axis} = 0", "rotors are fast enough without"),
             Setting(f"set d_max_{axis} = 0", "likewise"),
             Setting(f"set f_{axis} = 0", "no feed-forward"),
@@ -106,15 +109,16 @@ def usual_known(vehicle: Vehicle) -> dict[str, float]:
         "motor_idle": 10_000 * vehicle_idle(vehicle),
         "min_check": 1050.0,
         "p_yaw": p,
-        "i_yaw": slow_i(p),
+        "i_yaw": matched_i(vehicle, p),
         "iterm_windup": 80.0,
         "pidsum_limit_yaw": 400.0,
     }
 
 
-def slow_i(p: int) -> int:
-    """I beside a P."""
-    return max(1, round(p * PTERM / (ITERM * INTEGRATION)))
+def matched_i(vehicle: Vehicle, p: int) -> int:
+    """I beside a P: the integral of the vehicle's rate loop; a slow one where it has none, as drones differ in fact."""
+    gain = airframe_of(vehicle).rates.integral_gain or 1 / INTEGRATION
+    return max(1, round(p * PTERM * gain / ITERM))
 
 
 def vehicle_idle(vehicle: Vehicle) -> float:
