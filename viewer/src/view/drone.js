@@ -22,6 +22,7 @@ import { mergeGeometries } from "three/addons/utils/BufferGeometryUtils.js";
 
 const ARM = 0.17; // from the middle to a rotor [m]
 const ROTOR = 0.085; // radius [m]
+const ABOVE = 0.045; // rotors are above the middle [m]
 const SPIN = 47; // as fast as a blade can turn before the eye sees it turn back [rad/s]
 const CORNERS = [45, 135, 225, 315].map((degrees) => (degrees * Math.PI) / 180);
 const FADED = 0.3; // opacity of who is no longer in the race
@@ -35,7 +36,7 @@ export class Drone {
     this.own = new MeshStandardMaterial({ roughness: 0.45, emissiveIntensity: 0.45, transparent: true });
     this.dark = new MeshStandardMaterial({ roughness: 0.6, transparent: true });
     this.disc = new MeshBasicMaterial({ transparent: true, side: DoubleSide, depthWrite: false });
-    this.body.add(new Mesh(SHELL, this.own), new Mesh(ARMS, this.dark));
+    this.body.add(new Mesh(SHELL, this.own), new Mesh(ARMS, this.dark), new Mesh(DISCS, this.disc));
     this.rotors = CORNERS.map((angle, k) => this.#addRotor(angle, k));
     this.shadow = new Mesh(SHADOW, new MeshBasicMaterial({ transparent: true, depthWrite: false, color: 0 }));
     this.shadow.renderOrder = -1;
@@ -48,8 +49,8 @@ export class Drone {
 
   #addRotor(angle, k) {
     const rotor = new Group();
-    rotor.position.set(ARM * Math.cos(angle), ARM * Math.sin(angle), 0.045);
-    rotor.add(new Mesh(BLADES, Math.cos(angle) > 0 ? this.own : this.dark), new Mesh(DISC, this.disc));
+    rotor.position.set(ARM * Math.cos(angle), ARM * Math.sin(angle), ABOVE);
+    rotor.add(new Mesh(BLADES, Math.cos(angle) > 0 ? this.own : this.dark));
     rotor.userData.turn = k % 2 ? 1 : -1;
     this.body.add(rotor);
     return rotor;
@@ -117,7 +118,9 @@ const BLADES = mergeGeometries([
   new BoxGeometry(2 * ROTOR, 0.016, 0.006),
   new CylinderGeometry(0.012, 0.012, 0.014, 10).rotateX(Math.PI / 2),
 ]);
-const DISC = new CircleGeometry(ROTOR, 28);
+const DISCS = mergeGeometries(
+  CORNERS.map((angle) => new CircleGeometry(ROTOR, 28).translate(ARM * Math.cos(angle), ARM * Math.sin(angle), ABOVE)),
+);
 const SHADOW = new PlaneGeometry(0.9, 0.9);
 const PLUMB = new BufferGeometry().setAttribute("position", new Float32BufferAttribute([0, 0, 0, 0, 0, 1], 3));
 

@@ -31,6 +31,7 @@ export class Gates {
     this.lineMaterial = new LineBasicMaterial({ transparent: true, opacity: 0.5 });
     this.arrowMaterial = new MeshBasicMaterial({ transparent: true, opacity: 0.55, side: DoubleSide });
     this.gates = race.gates.map((gate) => this.#build(gate, race.frame_width));
+    this.#addAll(race.gates, race.frame_width);
     this.crossings = race.gates.map(() => []); // {time, drone} of every gate
     for (const drone of race.racers)
       drone.crossings.forEach((time, k) => this.crossings[race.gateOf(k + 1)].push({ time, drone }));
@@ -38,19 +39,26 @@ export class Gates {
     this.colours = { idle: new Color(), next: new Color() };
   }
 
+  /** What has a colour of its own. */
   #build(gate, frame) {
-    const [x, y, z] = gate.position;
-    const group = placed(gate);
+    const [x, y] = gate.position;
     const strip = new MeshBasicMaterial();
+    this.group.add(new Mesh(border(gate, 0, STRIP, DEPTH + 0.02), strip));
+    return { position: gate.position, top: [x, y, Math.max(...rim(gate, frame).map(({ z }) => z))], strip };
+  }
+
+  /** The rest of all gates, each kind drawn at once: what costs time is how often something is drawn. */
+  #addAll(gates, frame) {
     const beam = Math.max(frame - STRIP, 0.01);
-    group.add(new Mesh(border(gate, STRIP, beam, DEPTH), this.frameMaterial));
-    group.add(new Mesh(border(gate, 0, STRIP, DEPTH + 0.02), strip));
-    const corners = rim(gate, frame);
-    const arrow = new Mesh(arrowGeometry(), this.arrowMaterial);
-    arrow.position.set(x, y, 0.012);
-    arrow.rotation.z = gate.yaw;
-    this.group.add(group, new LineSegments(stilts(gate, frame), this.lineMaterial), arrow);
-    return { position: gate.position, top: [x, y, Math.max(...corners.map((corner) => corner.z))], strip };
+    const all = (build) => mergeGeometries(gates.map((gate) => build(gate).toNonIndexed()));
+    this.group.add(
+      new Mesh(
+        all((gate) => border(gate, STRIP, beam, DEPTH)),
+        this.frameMaterial,
+      ),
+      new LineSegments(mergeGeometries(gates.map((gate) => stilts(gate, frame))), this.lineMaterial),
+      new Mesh(all(arrow), this.arrowMaterial),
+    );
   }
 
   paint(theme) {
@@ -110,9 +118,15 @@ const ROUND = [
   [0, -1],
 ];
 
-/** A border of a width round an opening, from `inner` beyond its edge on, in the plane of y and z. */
-function border({ shape, size: [width, height] }, inner, beam, depth) {
-  if (shape === "round") return ring(width / 2 + inner, beam, depth);
+/** A border of a width round an opening, from `inner` beyond its edge on, where the gate stands. */
+function border(gate, inner, beam, depth) {
+  const flat =
+    gate.shape === "round" ? ring(gate.size[0] / 2 + inner, beam, depth) : square(gate.size, inner, beam, depth);
+  return flat.applyMatrix4(placed(gate).matrixWorld);
+}
+
+/** In the plane of y and z, round the origin. */
+function square([width, height], inner, beam, depth) {
   const [across, up] = [width + 2 * inner, height + 2 * inner];
   const parts = [-1, 1].flatMap((side) => [
     new BoxGeometry(depth, across + 2 * beam, beam).translate(0, 0, (side * (up + beam)) / 2),
@@ -136,8 +150,8 @@ function stilts(gate, frame) {
   return new BufferGeometry().setAttribute("position", new Float32BufferAttribute(points, 3));
 }
 
-function arrowGeometry() {
+function arrow({ position: [x, y], yaw }) {
   const shape = new Shape();
   shape.moveTo(0.75, 0).lineTo(-0.35, 0.55).lineTo(-0.1, 0).lineTo(-0.35, -0.55).closePath();
-  return new ShapeGeometry(shape);
+  return new ShapeGeometry(shape).rotateZ(yaw).translate(x, y, 0.012);
 }
