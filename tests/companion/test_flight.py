@@ -6,6 +6,7 @@ import shutil
 import numpy as np
 import pytest
 
+from cruise.companion.link import LinkLost
 from cruise.dynamics.attitude import Setpoint
 from cruise.interop.simulators import is_installed
 from tests.companion.aboard import Aboard, FakeController, Hover, RealController
@@ -121,6 +122,25 @@ def test_a_flight_controller_that_is_silent_is_stopped(drone):
     drone.run(0.3)
     assert "the flight controller has said nothing for" in drone.companion.ended
     assert drone.stopped - began <= IN_TIME
+
+
+def test_where_the_cable_comes_off_the_persons_switch_is_the_only_way_back(drone):
+    """The firmware keeps the last sticks for as long as they are handed over; taken back, they are the person's."""
+    drone.take_off()
+    drone.run(0.1)
+    drone.unplug()
+    with pytest.raises(LinkLost):
+        drone.run(0.1)
+    drone.companion.step = lambda newest: None  # the program has ended
+    drone.human[2] = 988
+    drone.run(1.5, moving=False)
+    assert drone.motors.max() > 0.1  # not by the person's throttle, which is shut
+    drone.human[5] = 1000
+    drone.run(0.2, moving=False)
+    assert drone.motors.max() < 0.1
+    drone.human[4] = 1000
+    drone.run(0.1, moving=False)
+    assert drone.motors.max() <= 0.001
 
 
 def test_damaged_bytes_are_not_heard(drone):

@@ -2,6 +2,7 @@
 
 import os
 import socket
+import struct
 import threading
 import time
 import tty
@@ -15,7 +16,7 @@ from cruise.cli.main import main
 from cruise.companion.flight import Companion, Limits
 from cruise.companion.link import Heard, LinkLost
 from cruise.companion.mavlink import ARM_DISARM, IGNORE_ATTITUDE, OFFBOARD, MavlinkLink
-from cruise.companion.msp import Decoder, MspLink, checksum, message
+from cruise.companion.msp import Decoder, MspLink, UdpPort, checksum, message
 from cruise.companion.odometry import Odometry, Receiver
 from cruise.companion.run import run
 from cruise.dynamics.attitude import Setpoint
@@ -91,6 +92,33 @@ def test_a_cable_that_comes_off_is_told():
     with pytest.raises(LinkLost):
         _ = [link.poll(0.0) for _ in range(5)]
     link.close()
+
+
+def test_msp_goes_over_udp_as_over_a_cable():
+    """A flight controller on the loopback that says it is armed and handed over; then it is gone."""
+    controller = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    controller.bind(("127.0.0.1", 0))
+    controller.settimeout(3.0)
+    link = MspLink(UdpPort(f"127.0.0.1:{controller.getsockname()[1]}"), STICKS)
+    assert link.poll(0.0) is None
+    asked, companion = controller.recvfrom(100)
+    assert asked == message(119)
+    for code, payload in ((119, bytes([0, 50])), (101, struct.pack("<HHHI", 0, 0, 0, 3))):
+        body = bytes([len(payload), code]) + payload
+        controller.sendto(b"$M>" + body + bytes([checksum(body)]), companion)
+    assert heard_within(link)[1:] == (True, True)
+    link.command(Setpoint(9.81, (0.0, 0.0, 0.0)), 0.0, armed=True)
+    said = []
+    while not said or said[-1][4] != 200:
+        said.append(controller.recv(100))
+    assert struct.unpack_from("<4H", said[-1], 5)[:2] == (1500, 1500)
+    controller.close()
+    with pytest.raises(LinkLost):
+        _ = [link.poll(0.0) for _ in range(5)]
+    link.close()
+    for wrong in ("127.0.0.1", "127.0.0.1:0", ":5000"):
+        with pytest.raises(ValueError, match="udp:HOST:PORT"):
+            UdpPort(wrong)
 
 
 class Deaf:

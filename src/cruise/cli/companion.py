@@ -42,7 +42,8 @@ class CompanionProgram:
     track: Annotated[str, described("NAME|FILE")]
     """The gates where they really stand: a built-in track, or path of a TOML file."""
     link: Annotated[str, described("DEVICE|ADDRESS")]
-    """The flight controller: a serial device (msp), or what pymavlink opens, as udpin:127.0.0.1:14540 (mavlink)."""
+    """The flight controller: a serial device or udp:HOST:PORT (msp), or what pymavlink opens, as
+    udpin:127.0.0.1:14540 (mavlink)."""
     fence: Annotated[tuple[float, float, float, float, float, float], described("X Y Z X Y Z")]
     """Lowest and highest corner of the geofence [m]."""
     protocol: Literal["msp", "mavlink"] = "msp"
@@ -82,7 +83,7 @@ class CompanionProgram:
     def _opened(self, policy: "OnnxPolicy") -> "Link":
         from cruise.companion.link import LinkLost  # noqa: PLC0415
         from cruise.companion.mavlink import MavlinkLink  # noqa: PLC0415
-        from cruise.companion.msp import MspLink  # noqa: PLC0415
+        from cruise.companion.msp import MspLink, UdpPort  # noqa: PLC0415
         from cruise.interop.betaflight.settings import usual_known  # noqa: PLC0415
         from cruise.interop.betaflight.sticks import StickMap  # noqa: PLC0415
 
@@ -93,6 +94,8 @@ class CompanionProgram:
         try:
             if self.protocol == "mavlink":
                 return MavlinkLink(self.link, sticks.top, self.baud)
+            if self.link.startswith("udp:"):
+                return MspLink(UdpPort(self.link.removeprefix("udp:")), sticks)
             serial = import_extra("serial", "companion", "MSP over a serial line needs pyserial")
             return MspLink(serial.Serial(self.link, self.baud, timeout=0, write_timeout=0.05), sticks)
         except (LinkLost, OSError, ValueError) as error:

@@ -1,11 +1,13 @@
-"""Betaflight over a serial line: MultiWii Serial Protocol, version 1.
+"""Betaflight over a serial line or UDP: MultiWii Serial Protocol, version 1.
 
 The firmware must have MSP on that port and `set msp_override_channels_mask = 31`: roll, pitch, throttle, yaw and the
 switch that arms come from here while the pilot's MSP OVERRIDE switch is on. The companion repeats the state that the
 firmware reports, so that it can end a flight and cannot begin one: a switch that was never off arms nothing.
 """
 
+import socket
 import struct
+import urllib.parse
 from collections.abc import Iterator
 from typing import Protocol, runtime_checkable
 
@@ -22,7 +24,7 @@ MOST_PENDING = 4096  # bytes that are no message yet
 
 @runtime_checkable
 class Port(Protocol):
-    """A serial line that does not wait."""
+    """A line that does not wait."""
 
     def read(self, size: int) -> bytes:
         """What came, at most `size` bytes."""
@@ -32,6 +34,38 @@ class Port(Protocol):
 
     def close(self) -> None:
         """Let go."""
+
+
+class UdpPort:
+    """A port that is reached by UDP, as through a bridge of its Wi-Fi module: what one datagram holds is not split."""
+
+    def __init__(self, address: str) -> None:
+        """To HOST:PORT. Raises OSError or ValueError where there is no such place."""
+        place = urllib.parse.urlsplit(f"//{address}")
+        if not place.hostname or not place.port:
+            raise ValueError("not udp:HOST:PORT")
+        family, kind, protocol, _, where = socket.getaddrinfo(place.hostname, place.port, type=socket.SOCK_DGRAM)[0]
+        self._socket = socket.socket(family, kind, protocol)
+        self._socket.setblocking(False)
+        self._socket.connect(where)  # nobody else is heard
+
+    def read(self, size: int) -> bytes:
+        """See `Port`."""
+        got = b""
+        while len(got) < size:
+            try:
+                got += self._socket.recv(size - len(got))
+            except BlockingIOError:
+                break
+        return got
+
+    def write(self, data: bytes) -> int | None:
+        """See `Port`."""
+        return self._socket.send(data)
+
+    def close(self) -> None:
+        """See `Port`."""
+        self._socket.close()
 
 
 def message(code: int, payload: bytes = b"") -> bytes:
