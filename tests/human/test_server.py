@@ -267,6 +267,15 @@ def test_addresses_that_cannot_be(game):
         run(Server(game, port=70000).__aenter__())
 
 
+@pytest.mark.parametrize(("host", "own"), [("0.0.0.0", "127.0.0.1"), ("::", "[::1]")])
+def test_on_all_networks_addresses_are_said_that_can_be_opened(game, host, own):
+    server = Server(game, host, 4321)
+    assert server.address.startswith(f"http://{own}:4321/?token=")
+    elsewhere = server.elsewhere  # None: on no network
+    assert elsewhere is None or not elsewhere.startswith((f"http://{host}:", f"http://[{host}]", f"http://{own}"))
+    assert Server(game, port=4321).elsewhere is None
+
+
 def test_a_board_that_is_none(tmp_path):
     (tmp_path / "board.json").write_text('{"version": 7}')
     match = small_match()

@@ -154,7 +154,8 @@ class Fly:
         from cruise.human.server import Server  # noqa: PLC0415
 
         async with Server(game, self.host, self.port) as server:
-            print(f"fly      {server.address}\nCtrl-C ends it", flush=True)
+            away = f"\nothers   {server.elsewhere}" if server.elsewhere else ""
+            print(f"fly      {server.address}{away}\nCtrl-C ends it", flush=True)
             if self.open:
                 show(server.address)
             gc.freeze()  # what is there now stays: no need to look through it between two steps

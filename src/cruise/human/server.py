@@ -6,6 +6,7 @@ import hmac
 import http
 import ipaddress
 import secrets
+import socket
 import urllib.parse
 from typing import Any
 
@@ -41,9 +42,18 @@ class Server:
 
     @property
     def address(self) -> str:
-        """What to open in a browser; whoever has it may fly."""
-        host = f"[{self._network}]" if self._network.version == 6 else str(self._network)
-        return f"http://{host}:{self.port}/?token={self.token}"
+        """What to open in a browser of this machine; whoever has it may fly."""
+        own = "::1" if self._network.version == 6 else LOOPBACK
+        return self._address(own if self._network.is_unspecified else str(self._network))
+
+    @property
+    def elsewhere(self) -> str | None:
+        """What to open on other machines, where all networks are served and this machine is on one."""
+        found = reached_at(self._network.version) if self._network.is_unspecified else None
+        return found and self._address(found)
+
+    def _address(self, host: str) -> str:
+        return f"http://{f'[{host}]' if ':' in host else host}:{self.port}/?token={self.token}"
 
     async def __aenter__(self) -> "Server":
         """Begin to serve. Raises CruiseError where the port cannot be had."""
@@ -134,6 +144,15 @@ class Server:
         with contextlib.suppress(self._closed):
             while True:
                 await line.send(await outbox.get())
+
+
+def reached_at(version: int) -> str | None:
+    """The address that this machine would send from to the world, and so is reached at; nothing is sent."""
+    family, away = (socket.AF_INET6, "2001:db8::1") if version == 6 else (socket.AF_INET, "192.0.2.1")
+    with contextlib.suppress(OSError), socket.socket(family, socket.SOCK_DGRAM) as one:
+        one.connect((away, 9))  # addresses for documentation: nobody's
+        return str(one.getsockname()[0])
+    return None
 
 
 def _token(query: str) -> str:
