@@ -1,8 +1,9 @@
 """`python -m benchmarks.fly`: how well `cruise fly` keeps the clock, and whether its memory stays.
 
-python -m benchmarks.fly latency           # four drones, a page in headless Chromium: step jitter, stick to photon
-python -m benchmarks.fly endurance 3       # three hours of races, as fast as they can be flown: memory
-python -m benchmarks.fly endurance 3 paper # the same in another vehicle
+python -m benchmarks.fly latency            # four drones, a page in headless Chromium: step jitter, stick to photon
+python -m benchmarks.fly latency chrt -r 5  # the same, `cruise fly` being started by that
+python -m benchmarks.fly endurance 3        # three hours of races, as fast as they can be flown: memory
+python -m benchmarks.fly endurance 3 paper  # the same in another vehicle
 """
 
 import asyncio
@@ -18,33 +19,51 @@ from pathlib import Path
 import numpy as np
 
 SIZE = (640, 360)  # of the page; the processor draws it
-MEASURED = 60.0  # [s]
+MEASURED = 30.0  # [s]
 SAY_EVERY = 0.01  # between sticks [s]
 READY = 600.0  # for everything to be compiled [s]
 PROBE = """() => {
   const buttons = Array.from({ length: 16 }, () => ({ pressed: false, value: 0 }));
   const pad = { index: 0, connected: true, mapping: 'standard', axes: [0, 0, 0, -0.5], buttons };
   navigator.getGamepads = () => [pad];
-  window.samples = [];
-  window.intervals = [];
+  const parts = ['to be seen by the page', 'race', 'next picture', 'drawing'];
+  window.samples = Object.fromEntries(['stick to picture', ...parts, 'between pictures'].map((name) => [name, []]));
+  const note = (name, from, to) => samples[name].push(to - from);
   let moved = null;
-  const { line } = fly;
+  const { line, scene } = fly;
   const send = line.send.bind(line);
   line.send = (message) => {
-    if (moved && moved.n === null && message.sticks?.[0] === moved.roll) moved.n = message.n;
+    if (moved && moved.n === null && message.sticks?.[0] === moved.roll) {
+      moved.n = message.n;
+      moved.sent = performance.now();
+    }
     send(message);
   };
-  const gl = fly.scene.stage.renderer.getContext();
+  const take = line.handlers.state;
+  line.handlers.state = (state) => {
+    take(state);
+    if (moved && !moved.back && moved.n !== null && fly.heard >= moved.n) moved.back = performance.now();
+  };
+  const gl = scene.stage.renderer.getContext();
+  const at = scene.clock.at.bind(scene.clock);
+  let began = 0;
+  scene.clock.at = (now) => {
+    began = performance.now();
+    return at(now);
+  };
   let last = performance.now();
-  fly.drawn = (heard) => {
+  fly.drawn = () => {
     gl.finish();
     const now = performance.now();
-    intervals.push(now - last);
+    note('between pictures', last, now);
     last = now;
-    if (moved && moved.n !== null && heard >= moved.n) {
-      samples.push(now - moved.at);
-      moved = null;
-    }
+    if (!moved?.back) return;
+    note('stick to picture', moved.at, now);
+    note('to be seen by the page', moved.at, moved.sent);
+    note('race', moved.sent, moved.back);
+    note('next picture', moved.back, began);
+    note('drawing', began, now);
+    moved = null;
   };
   fly.settings.change({ deadband: 0 });
   let side = 1;
@@ -62,12 +81,12 @@ PROBE = """() => {
 }"""
 
 
-def latency() -> None:
-    """Print percentiles of the latency of a page, and what the command says of its steps."""
+def latency(*started_by: str) -> None:
+    """Print percentiles of the latency of a page, part by part, and what the command says of its steps."""
     from tests.viewer.browser import Page, chromium  # noqa: PLC0415
 
     with tempfile.TemporaryDirectory() as folder:
-        command = [sys.executable, "-m", "cruise", "fly", "--no-open", "--folder", folder, "--laps", "20"]
+        command = [*started_by, sys.executable, "-m", "cruise", "fly", "--no-open", "--folder", folder, "--laps", "20"]
         server = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
         try:
             address = _address(server)
@@ -77,14 +96,14 @@ def latency() -> None:
                 page.until("fly.own === 0 && fly.frames > 3")
                 page.run(PROBE)
                 time.sleep(MEASURED)
-                samples, intervals = page.run("[samples, intervals]")
+                samples = page.run("samples")
                 page.close()
             server.send_signal(signal.SIGINT)
             print(server.communicate(timeout=60)[0].strip().splitlines()[-1])
         finally:
             server.kill()
-    print(f"stick to photon, {len(samples)} moves: {_told(samples)}")
-    print(f"between pictures, {len(intervals)}: {_told(intervals)}")
+    for name, milliseconds in samples.items():
+        print(f"{name:22} {len(milliseconds):5}: {_told(milliseconds)}")
 
 
 def _address(server: subprocess.Popen) -> str:
@@ -159,7 +178,7 @@ def _resident() -> float:
 if __name__ == "__main__":
     what = sys.argv[1] if len(sys.argv) > 1 else ""
     if what == "latency":
-        latency()
+        latency(*sys.argv[2:])
     elif what == "endurance":
         endurance(float(sys.argv[2]) if len(sys.argv) > 2 else 3.0, sys.argv[3] if len(sys.argv) > 3 else "racer")
     else:
