@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 SIZE = (640, 360)  # of the page; the processor draws it
-MEASURED = 30.0  # [s]
+MEASURED = 60.0  # [s]
 SAY_EVERY = 0.01  # between sticks [s]
 READY = 600.0  # for everything to be compiled [s]
 PROBE = """() => {

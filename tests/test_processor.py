@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from cruise.processor import use_wide_vectors
+from cruise.processor import run_in_real_time, use_wide_vectors
 
 COMPILE = """
 from cruise.cli.compilation import prepare_flight
@@ -33,6 +33,23 @@ def test_what_the_user_says_stands(monkeypatch: pytest.MonkeyPatch, before: str 
     for _ in range(2):
         use_wide_vectors()
         assert os.environ["XLA_FLAGS"] == after
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="Linux alone")
+def test_real_time_is_for_all_threads_and_for_no_child(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: dict[int, tuple[int, int]] = {}
+    monkeypatch.setattr(
+        os, "sched_setscheduler", lambda thread, policy, param: asked.update({thread: (policy, param.sched_priority)})
+    )
+    assert run_in_real_time()
+    assert os.getpid() in asked
+    assert set(asked.values()) == {(os.SCHED_RR | os.SCHED_RESET_ON_FORK, 1)}
+
+    def refuse(*_: object) -> None:
+        raise PermissionError
+
+    monkeypatch.setattr(os, "sched_setscheduler", refuse)
+    assert not run_in_real_time()
 
 
 def test_commands_compile_for_them(tmp_path: Path) -> None:

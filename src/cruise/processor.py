@@ -1,6 +1,7 @@
-"""What must be settled about the processor before JAX first compiles."""
+"""What is asked of the processor: wide vectors before JAX first compiles, a core at once where a person flies."""
 
 import os
+from pathlib import Path
 
 WIDTH = "xla_cpu_prefer_vector_width"
 
@@ -14,3 +15,17 @@ def use_wide_vectors() -> None:
     flags = os.environ.get("XLA_FLAGS", "")
     if WIDTH not in flags:
         os.environ["XLA_FLAGS"] = f"{flags} --{WIDTH}=512".strip()
+
+
+def run_in_real_time() -> bool:
+    """Let all threads of this process have a core as soon as they need one; whether the system allows it.
+
+    Linux does so for root, and for whom its limits give a real-time priority (`ulimit -r`). Others share cores, and
+    a browser that draws by software leaves steps to wait. Processes that are started later are as others are.
+    """
+    try:
+        for thread in Path("/proc/self/task").iterdir():
+            os.sched_setscheduler(int(thread.name), os.SCHED_RR | os.SCHED_RESET_ON_FORK, os.sched_param(1))
+    except (AttributeError, OSError):
+        return False
+    return True

@@ -12,6 +12,7 @@ from cruise.cli.compilation import prepare_flight
 from cruise.cli.line_up import described
 from cruise.cli.outputs import show
 from cruise.errors import CruiseError
+from cruise.processor import run_in_real_time
 from cruise.racing.track_file import load_one_track
 from cruise.vehicles import load_vehicle
 
@@ -158,6 +159,7 @@ class Fly:
             print(f"fly      {server.address}{away}\nCtrl-C ends it", flush=True)
             if self.open:
                 show(server.address)
+            run_in_real_time()
             gc.freeze()  # what is there now stays: no need to look through it between two steps
             await game.run()
 

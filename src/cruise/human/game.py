@@ -28,6 +28,7 @@ REMAINDER = 60.0  # when all people are done the others fly on for so long, unse
 LATE = 0.25  # a race that has fallen behind by so much goes on from there and catches nothing up [s]
 REMEMBERED = 20_000  # steps whose timing is known
 BREATH = 20  # steps of what nobody watches between two looks at the pages
+REST = 0.01  # that each lasts, for whoever else wants the processor [s]
 
 
 class Timing(NamedTuple):
@@ -198,7 +199,7 @@ class Game:
         while not self.race.over and self.race.time < until:
             self.race.step(controls)
             if self.race.race.steps % BREATH == 0:
-                await asyncio.sleep(0)
+                await asyncio.sleep(REST)
 
     def _keep(self, log: RaceLog) -> None:
         """Write the log and the board; where that fails it is said, and races go on."""
