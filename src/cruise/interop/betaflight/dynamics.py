@@ -13,7 +13,7 @@ from cruise.dynamics.attitude import Setpoint
 from cruise.dynamics.parameters import Parameters
 from cruise.dynamics.quadrotor import Flight, FlightController, make_quadrotor
 from cruise.dynamics.references import with_control
-from cruise.dynamics.rotors import Demand, wrench_of
+from cruise.dynamics.rotors import Demand, curved, wrench_of
 from cruise.interop.betaflight.configure import configured
 from cruise.interop.betaflight.fleet import DT, Fleet
 from cruise.interop.betaflight.settings import lines_for
@@ -51,7 +51,8 @@ class Link(NamedTuple):
         result = jax.ShapeDtypeStruct((5, told.shape[1]), jnp.float32)  # one array each way: each costs time
         number, *motors = jax.pure_callback(self.fleet.advance, result, told).reshape(5, *shape)
         made = wrench_of(rotors, [rotors.max_thrust * motor.clip(0.0, 1.0) for motor in motors])
-        demand = Demand(made.collective_thrust, tuple(made.body_torque_b))
+        linear = Demand(made.collective_thrust, tuple(made.body_torque_b))
+        demand = curved(rotors, linear, flight.physics.thrust_curve)
         yaw = self.sticks.wind(yaw, body.angular_velocity_b[2], DT)
         return demand, InFlight(number.astype(jnp.int32), memory.tick + 1, yaw)
 
