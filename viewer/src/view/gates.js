@@ -50,7 +50,7 @@ export class Gates {
   /** The rest of all gates, each kind drawn at once: what costs time is how often something is drawn. */
   #addAll(gates, frame) {
     const beam = Math.max(frame - STRIP, 0.01);
-    const all = (build) => mergeGeometries(gates.map((gate) => build(gate).toNonIndexed()));
+    const all = (build) => mergeGeometries(gates.map(build).map((one) => (one.index ? one.toNonIndexed() : one)));
     this.group.add(
       new Mesh(
         all((gate) => border(gate, STRIP, beam, DEPTH)),
