@@ -30,7 +30,7 @@ race: $(VENV)/.installed
 	@$(BIN)/cruise race --vehicle racer --open
 
 test: $(VENV)/.installed-dev
-	$(BIN)/python -m pytest -n $(WORKERS) --dist loadgroup --no-loadscope-reorder --durations=25
+	$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder --durations=25
 
 check: $(VENV)/.installed-dev
 	$(BIN)/ruff check .

@@ -5,6 +5,7 @@ This must run before anything imports `cruise` or JAX: the settings are read, an
 
 import os
 from pathlib import Path
+from typing import Any
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -55,18 +56,27 @@ LONGEST = (
 )
 
 
-@pytest.hookimpl(tryfirst=True)
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     """A folder's tests run in one process, one after the other: they share what is compiled."""
-    for item in items:
-        item.add_marker(pytest.mark.xdist_group(_folder(item)))
+    from xdist.scheduler import LoadFileScheduling
+
+    class ByFolder(LoadFileScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            return _folder(nodeid)
+
+    return ByFolder(config, log)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """The longest first."""
     order = {name: place for place, name in enumerate(LONGEST)}
-    items.sort(key=lambda item: order.get(_folder(item), len(order)))
+    items.sort(key=lambda item: order.get(_folder(item.nodeid), len(order)))
 
 
-def _folder(item: pytest.Item) -> str:
+def _folder(nodeid: str) -> str:
     """Of a test; a file beside the folders is one of its own."""
-    return item.path.relative_to(ROOT / "tests").parts[0]
+    return nodeid.partition("::")[0].split("/")[1]
 
 
 _held = [0.0]  # after programs were last let go [bytes]
