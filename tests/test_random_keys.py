@@ -80,7 +80,8 @@ def watched(monkeypatch: pytest.MonkeyPatch) -> Iterator[Uses]:
 def random_env(drones: int = 3, milder_share: float = 0.3):
     """Everything that can be random: vehicle, air, sensors, gates, solids, track, and how much of it."""
     track = dataclasses.replace(random_tracks(0, 3), obstacles=(Pole((0.0, 0.0, 0.0), 3.0, 0.2),))
-    full = dataclasses.replace(RANDOMISATION["racer"], gate_tilt=0.1, solid_shift=0.1)
+    more = {"gate_tilt": 0.1, "solid_shift": 0.1, "extra_integral": 5.0, "extra_idle": 0.02, "extra_curve": 0.2}
+    full = dataclasses.replace(RANDOMISATION["racer"], **more)
     vehicle = made_for(VEHICLES["racer"], full)
     shares = {"milder_share": milder_share, "nominal_share": milder_share}
     perturb = perturbation(track, vehicle, full, sensing=Sensing("camera"), **shares)

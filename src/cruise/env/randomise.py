@@ -160,7 +160,8 @@ def _chosen(here: np.ndarray, ours: Any, theirs: Any) -> Any:
 def _parameters(vehicle: Vehicle, strengths: Strengths, offsets: Strengths, key: Array, shape: Shape) -> Parameters:
     if OF_BODY_AND_AIR.isdisjoint(vehicle.randomisable):
         return Parameters()
-    keys = iter(jax.random.split(key, 12))
+    *others, of_firmware = jax.random.split(key, 12)
+    keys = iter(others)
     built = physics_of(vehicle)
 
     def spread(value: Any, name: str) -> Any:
@@ -185,7 +186,7 @@ def _parameters(vehicle: Vehicle, strengths: Strengths, offsets: Strengths, key:
         wind_w=None if wind is None else _wind(wind, next(keys), shape),
         clip_share=None if clip is None else jnp.minimum(1.0, clip * jax.random.uniform(next(keys), shape)),
         quadratic_drag=spread(built.quadratic_drag, "drag_spread") if built.quadratic_drag else None,
-        **_of_firmware(vehicle, strengths, key, shape),
+        **_of_firmware(vehicle, strengths, of_firmware, shape),
     )
 
 
