@@ -7,6 +7,7 @@
 # make pictures draws the pictures of the README and of the replay page anew; needs Chromium
 # make peers    installs other libraries, in environments of their own, and times CRUISE beside them
 # make clients  installs other learning libraries, with PyTorch, and runs each on the races as its documentation says
+# make wheel-check  installs the wheel on every Python that is here and flies a race by it: elsewhere, as nobody, offline
 # make speed    compares how fast this state and the commit before are, in turn
 # make docs     builds the documentation into build/site
 # make viewer   builds the replay page anew from viewer/; needs npm
@@ -21,7 +22,7 @@ INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --co
 WORKERS ?= 2
 
 .DEFAULT_GOAL := help
-.PHONY: help race test check firmware sb3 clients viewer check-viewer peers speed policies pictures docs clean
+.PHONY: help race test check firmware sb3 clients wheel-check viewer check-viewer peers speed policies pictures docs clean
 
 help:
 	@sed -n 's/^# \(make .*\)/\1/p' Makefile
@@ -64,15 +65,25 @@ sb3: $(VENV)/.installed-sb3
 peers: .venv-peers/.installed .venv-crazyflow/.installed
 	@.venv-peers/bin/python -m benchmarks.peers --rounds $(or $(ROUNDS),5)
 
-clients: .venv-clients/.installed
-	@.venv-clients/bin/python -m benchmarks.clients
+# Some of them exclude each other's versions of Gymnasium. JAXMARL=... names a clone of JaxMARL, whose IPPO then runs.
+CLIENTS.torch := stable-baselines3==2.9.2 sb3-contrib==2.9.2 sbx-rl==0.28.0 skrl==2.1.1 SuperSuit==3.11.0 torchrl==0.14.1
+CLIENTS.tianshou := tianshou==2.0.1
+CLIENTS.rllib := 'ray[rllib]==2.60.0'
+CLIENTS.agile := agilerl==2.7.1
+CLIENTS.jaxmarl := jaxmarl==0.2.0 distrax==0.1.9 hydra-core==1.3.8 wandb==0.31.0
+CLIENT_GROUPS := torch tianshou rllib agile jaxmarl
 
-.venv-clients/.installed: pyproject.toml constraints.txt
-	$(PYTHON) -m venv .venv-clients
-	.venv-clients/bin/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable \
-	    '.[gym]' torch==2.13.0 stable-baselines3==2.9.2 sb3-contrib==2.9.2 sbx-rl==0.28.0 skrl==2.1.1 SuperSuit==3.11.0 \
-	    torchrl==0.14.1
+clients: $(CLIENT_GROUPS:%=.venv-clients-%/.installed)
+	@for group in $(CLIENT_GROUPS); do .venv-clients-$$group/bin/python -m benchmarks.clients $$group || exit 1; done
+
+.venv-clients-%/.installed: pyproject.toml
+	$(PYTHON) -m venv .venv-clients-$*
+	.venv-clients-$*/bin/python -m pip install --quiet --disable-pip-version-check --editable '.[gym]' torch==2.13.0 $(CLIENTS.$*)
 	@touch $@
+
+# The wheel on every Python that is here, as its users install it.
+wheel-check: $(VENV)/.installed
+	@$(BIN)/python -m benchmarks.wheel
 
 .venv-peers/.installed: pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv-peers

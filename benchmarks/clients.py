@@ -1,102 +1,103 @@
-"""Learning libraries on the races, each connected as its own documentation says: `make clients` installs and runs them.
+"""Other learning libraries on the races: the snippets of docs/clients.md, and then the library's own learner.
 
-Each line is one library: environment steps, and seconds with all that it compiles and imports.
+`make clients` installs the libraries, some of which exclude each other's versions, and runs this in each environment.
+Each line is one library: environment steps, how fast they came once all was compiled, and processor time with all that
+the library imports and compiles.
 """
 
+import importlib.metadata
+import re
+import resource
 import subprocess
 import sys
 import time
+from collections.abc import Callable
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
 
-STEPS = 10_000
+from benchmarks import clients_learn
 
-
-def stable_baselines3() -> int:
-    """PPO on races in one compiled step."""
-    from stable_baselines3 import PPO
-
-    from cruise.adapters.sb3 import StableBaselinesEnv
-
-    env = StableBaselinesEnv(64, drones=1)
-    return PPO("MlpPolicy", env, n_steps=64, batch_size=1024, device="cpu").learn(STEPS).num_timesteps
-
-
-def sb3_contrib() -> int:
-    """TRPO likewise."""
-    from sb3_contrib import TRPO
-
-    from cruise.adapters.sb3 import StableBaselinesEnv
-
-    env = StableBaselinesEnv(64, drones=1)
-    return TRPO("MlpPolicy", env, n_steps=64, batch_size=1024, device="cpu").learn(STEPS).num_timesteps
-
-
-def sbx() -> int:
-    """Its PPO likewise, which is JAX beside JAX."""
-    from sbx import PPO
-
-    from cruise.adapters.sb3 import StableBaselinesEnv
-
-    return PPO("MlpPolicy", StableBaselinesEnv(64, drones=1), n_steps=64, batch_size=1024).learn(STEPS).num_timesteps
-
-
-def supersuit() -> int:
-    """PPO by a policy that all drones share, in two forked workers."""
-    import supersuit as ss
-    from stable_baselines3 import PPO
-
-    import cruise
-
-    env = ss.pettingzoo_env_to_vec_env_v1(ss.black_death_v3(cruise.parallel_env(drones=2)))
-    env = ss.concat_vec_envs_v1(env, 2, num_cpus=2, base_class="stable_baselines3")
-    steps = PPO("MlpPolicy", env, n_steps=256, batch_size=256, device="cpu").learn(STEPS).num_timesteps
-    env.close()  # or its workers, and this process, never end
-    return steps
+PAGE = Path(__file__).parent.parent / "docs" / "clients.md"
+SNIPPET = re.compile(r"^### (.+?)\n.*?^```py\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+# By heading of the page: the environment of `make clients`, the package whose version is told, and what learns in what
+# the snippet has made; None: the snippet does itself.
+CLIENTS: dict[str, tuple[str, str, Callable[[dict[str, Any]], Any] | None]] = {
+    "CleanRL": ("torch", "torch", clients_learn.as_cleanrl),
+    "Stable-Baselines3": ("torch", "stable-baselines3", None),
+    "sb3-contrib": ("torch", "sb3-contrib", None),
+    "SBX": ("torch", "sbx-rl", None),
+    "SuperSuit": ("torch", "SuperSuit", clients_learn.supersuit),
+    "TorchRL": ("torch", "torchrl", clients_learn.torchrl),
+    "TorchRL, every drone": ("torch", "torchrl", clients_learn.torchrl_agents),
+    "skrl": ("torch", "skrl", clients_learn.skrl),
+    "PettingZoo's checks": ("torch", "pettingzoo", None),
+    "Gymnasium's check": ("torch", "gymnasium", None),
+    "Tianshou": ("tianshou", "tianshou", clients_learn.tianshou),
+    "RLlib": ("rllib", "ray", clients_learn.rllib),
+    "RLlib, every drone": ("rllib", "ray", clients_learn.rllib),
+    "AgileRL": ("agile", "agilerl", clients_learn.agilerl),
+    "JaxMARL": ("jaxmarl", "jaxmarl", clients_learn.jaxmarl),
+    "gymnax and PureJaxRL": ("jaxmarl", "gymnax", clients_learn.gymnax),
+}
+WARM = 0.2  # of the steps are not timed
 
 
-def torchrl() -> int:
-    """Rollouts of a single race, and of all its agents."""
-    from torchrl.envs import GymEnv, PettingZooWrapper
-
-    import cruise.gym
-
-    single = GymEnv("cruise/Race-v0", drones=1)
-    steps = 0
-    while steps < STEPS // 2:
-        steps += single.rollout(500)["next", "reward"].shape[0]
-    agents = PettingZooWrapper(cruise.parallel_env(drones=2), use_mask=True)
-    while steps < STEPS:
-        steps += 2 * agents.rollout(500)["next", "done"].shape[0]
-    return steps
+def snippets() -> dict[str, str]:
+    """The page's blocks by heading."""
+    return {match[1]: match[2] for match in SNIPPET.finditer(PAGE.read_text())}
 
 
-def skrl() -> int:
-    """Its wrapper of the vector environment, random actions."""
-    import gymnasium
-    import torch
-    from skrl.envs.wrappers.torch import wrap_env
-
-    env = wrap_env(gymnasium.make_vec("cruise.gym:cruise/Race-v0", 8, drones=1))
-    env.reset()
-    for _ in range(STEPS // 8):
-        env.step(torch.rand(8, 3) * 2 - 1)
-    return STEPS
+def run(name: str) -> str:
+    """Run a client here; what it did, in words."""
+    count = _counted()
+    names: dict[str, Any] = {"__name__": name}
+    exec(compile(snippets()[name], f"{PAGE.name}: {name}", "exec"), names)
+    learn = CLIENTS[name][2]
+    told = learn(names) if learn else None
+    steps, rate = told or count()
+    return f"{steps:>7,} steps, {rate:>9,.0f} steps/s"
 
 
-CLIENTS = {one.__name__: one for one in (stable_baselines3, sb3_contrib, sbx, supersuit, torchrl, skrl)}
+def _counted() -> Callable[[], tuple[int, float]]:
+    """Counts the steps of learners through NumPy's doors from now on, in forked processes, too."""
+    from cruise.adapters.races import Races  # noqa: PLC0415
+
+    seen = get_context("fork").Array("d", 4)  # steps, and steps and time where timing began; time of the last
+    step = Races.step
+
+    def counted(self: Races, actions: Any) -> Any:
+        stepped = step(self, actions)
+        with seen.get_lock():
+            seen[0] += stepped.active.sum()
+            if not seen[2] and seen[0] >= WARM * clients_learn.STEPS:
+                seen[1:3] = [seen[0], time.time()]
+            seen[3] = time.time()
+        return stepped
+
+    Races.step = counted  # type: ignore[method-assign]
+    return lambda: (int(seen[0]), (seen[0] - seen[1]) / (seen[3] - seen[2]) if seen[3] > seen[2] > 0 else 0.0)
+
+
+def _processor_seconds() -> float:
+    """Of all processes that this one has waited for."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
 
 
 def main() -> int:
-    """Every client in a process of its own, as its users have it; 1 where one fails."""
+    """The clients of some groups, or with such names, each in a process of its own; 1 where one fails."""
     failed = 0
-    for name in sys.argv[1:] or CLIENTS:
-        began = time.monotonic()
-        code = f"from benchmarks.clients import CLIENTS; print(CLIENTS[{name!r}]())"
-        run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-        seconds = time.monotonic() - began
-        last = (run.stdout if run.returncode == 0 else run.stderr).strip().splitlines()[-1:]
-        said = f"{last[0]} steps" if run.returncode == 0 else f"FAILED: {' '.join(last)}"
-        print(f"{name:18} {said}, {seconds:.0f} s", flush=True)
-        failed += run.returncode != 0
+    for name in [name for name in CLIENTS if {name, CLIENTS[name][0]} & set(sys.argv[1:])]:
+        package = CLIENTS[name][1]
+        version = importlib.metadata.version(package)
+        code, before = f"from benchmarks.clients import run; print(run({name!r}))", _processor_seconds()
+        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+        seconds = _processor_seconds() - before
+        last = (done.stdout if done.returncode == 0 else done.stderr).strip().splitlines()[-1:]
+        said = last[0] if done.returncode == 0 else f"FAILED: {' '.join(last)}"
+        print(f"{name:22} {package} {version}: {said}, {seconds:.0f} s of processor time", flush=True)
+        failed += done.returncode != 0
     return int(failed > 0)
 
 

@@ -1,10 +1,14 @@
 """The examples fly."""
 
+import contextlib
 import importlib
+import io
+import json
 from pathlib import Path
 
 import jax
 import jax.numpy as jnp
+import matplotlib.pyplot as plt
 import numpy as np
 
 from cruise.evaluation.matches import make_match, run_races
@@ -60,3 +64,15 @@ def test_the_loop_in_jax_learns_from_every_drone(monkeypatch):
     assert 0.0 < speed < 20.0
     assert all(jnp.isfinite(leaf).all() for leaf in jax.tree.leaves(params))
     assert (params["log_std"] != -0.5).all()
+
+
+def test_the_notebook_runs_from_top_to_bottom():
+    cells = json.loads((EXAMPLES / "first_race.ipynb").read_text())["cells"]
+    code = ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"]
+    names, said = {}, io.StringIO()
+    with contextlib.redirect_stdout(said):
+        for number, cell in enumerate(code):
+            exec(compile(cell, f"cell {number}", "exec"), names)
+    assert names["log"].position_w.shape[1:] == (2, 3)
+    assert "success_rate " in said.getvalue()
+    plt.close("all")

@@ -162,9 +162,10 @@ def test_starts_know_nothing_of_what_is_random_about_them():
     assert np.abs(ranks - np.eye(len(rows))).max() < 0.2  # 4 standard deviations
 
 
-def test_an_adapters_pilots_have_a_key_of_their_own():
+@pytest.mark.parametrize("race", [False, True])
+def test_an_adapters_pilots_have_a_key_of_their_own(race):
     """What they draw from is no key that any later start of the races comes from."""
-    plan = Plan(random_env(1), (), (0,), "body", "disabled", jnp.int32(0))
+    plan = Plan(random_env(1), (), 0, (0,), "body", "disabled", jnp.int32(0), race=race)
     keys, found = jax.random.key_data(jax.random.split(jax.random.key(0), 3)).T, []
     for _ in range(2):
         keys, _, spare = _draw(plan, keys)

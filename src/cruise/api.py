@@ -4,23 +4,28 @@ import os
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import get_args
 
-from cruise.config import EXACT, InSimulator, Sensing, SensingKind, Track
+from cruise.config import EXACT, InSimulator
 from cruise.errors import CruiseError
 from cruise.evaluation import matches
 from cruise.evaluation.pilot_choice import PilotChoice
+from cruise.evaluation.race_choices import (
+    FleetChoice,
+    RandomisationChoice,
+    SensingChoice,
+    TrackChoice,
+    find_sensing,
+    find_spread,
+    find_track,
+)
 from cruise.evaluation.summary import Evaluation
 from cruise.precision import single_precision
 from cruise.racing.track_file import load_track
 from cruise.storage.policy_file import load_policy
 from cruise.storage.race_log import RaceLog
-from cruise.vehicles import VehicleChoice
 from cruise.viewer.page import write_replay
 
 __all__ = ["evaluate", "load_policy", "load_track", "race", "replay"]
-
-TrackChoice = Track | str | os.PathLike[str]
 
 
 @single_precision
@@ -30,9 +35,10 @@ def race(  # noqa: PLR0913, PLR0917  (all that a race may be asked to be)
     pilots: PilotChoice | Sequence[PilotChoice] | None = None,
     laps: int | None = None,
     seed: int = 0,
-    vehicle: VehicleChoice | InSimulator | Sequence[VehicleChoice] | None = None,
-    randomise: float = 0.0,
-    sensing: Sensing | SensingKind = EXACT,
+    vehicle: FleetChoice | InSimulator | None = None,
+    randomise: RandomisationChoice = 0.0,
+    sensing: SensingChoice = EXACT,
+    spread_starts: float = 0.0,
 ) -> RaceLog:
     """Fly one race from a random standing start and give its log.
 
@@ -48,8 +54,10 @@ def race(  # noqa: PLR0913, PLR0917  (all that a race may be asked to be)
             drone, fewer taking turns. By default what the pilots were made for, or `paper`; they also fly another
             vehicle whose actions mean the same, if you ask so. `InSimulator("racer", "betaflight")` has it moved by
             another simulator, here by real firmware.
-        randomise: how far the race differs from what vehicle and track say, as a share of `presets.RANDOMISATION`.
+        randomise: how far the race differs from what vehicle and track say, as a share of `presets.RANDOMISATION`, or
+            each spread: a `cruise.config.Randomisation`.
         sensing: what drones know of gates, opponents and themselves: `exact`, `range`, `camera`, or a `cruise.Sensing`.
+        spread_starts: share of races that start all along a track which has a start of its own.
 
     Returns:
         The race as NumPy arrays; `log.save("race.npz")` keeps it.
@@ -57,8 +65,9 @@ def race(  # noqa: PLR0913, PLR0917  (all that a race may be asked to be)
     Raises:
         CruiseError: what was asked for does not exist or does not go together.
     """
-    match = matches.make_match(_track(track), drones, pilots, laps, vehicle=vehicle, randomise=randomise)
-    return next(matches.run_races(replace(match, sensing=_sensing(sensing)), 1, seed))
+    match = matches.make_match(find_track(track), drones, pilots, laps, vehicle=vehicle, randomise=randomise)
+    match = replace(match, sensing=find_sensing(sensing), spread_starts=find_spread(spread_starts, match.track))
+    return next(matches.run_races(match, 1, seed))
 
 
 @single_precision
@@ -68,9 +77,11 @@ def evaluate(  # noqa: PLR0913, PLR0917  (as `race`)
     pilots: PilotChoice | Sequence[PilotChoice] | None = None,
     episodes: int = 100,
     seed: int = 0,
-    vehicle: VehicleChoice | InSimulator | Sequence[VehicleChoice] | None = None,
-    randomise: float = 0.0,
-    sensing: Sensing | SensingKind = EXACT,
+    vehicle: FleetChoice | InSimulator | None = None,
+    randomise: RandomisationChoice = 0.0,
+    sensing: SensingChoice = EXACT,
+    laps: int | None = None,
+    spread_starts: float = 0.0,
 ) -> Evaluation:
     """Measure pilots over many races, each from a fresh random start.
 
@@ -83,6 +94,8 @@ def evaluate(  # noqa: PLR0913, PLR0917  (as `race`)
         vehicle: as for `race`.
         randomise: as for `race`.
         sensing: as for `race`.
+        laps: as for `race`.
+        spread_starts: as for `race`.
 
     Returns:
         Success, lap times, speeds, collisions and overtakes, each with mean, standard deviation and 95 % interval;
@@ -91,8 +104,9 @@ def evaluate(  # noqa: PLR0913, PLR0917  (as `race`)
     Raises:
         CruiseError: what was asked for does not exist or does not go together.
     """
-    match = matches.make_match(_track(track), drones, pilots, vehicle=vehicle, randomise=randomise)
-    return matches.evaluate_match(replace(match, sensing=_sensing(sensing)), episodes, seed)
+    match = matches.make_match(find_track(track), drones, pilots, laps, vehicle=vehicle, randomise=randomise)
+    match = replace(match, sensing=find_sensing(sensing), spread_starts=find_spread(spread_starts, match.track))
+    return matches.evaluate_match(match, episodes, seed)
 
 
 def replay(
@@ -119,15 +133,3 @@ def replay(
         raise CruiseError(f"a replay needs at least one race and a label for each, got {len(races)} and {len(names)}")
     write_replay(Path(path), races, names)
     return Path(path)
-
-
-def _sensing(choice: Sensing | SensingKind) -> Sensing:
-    if isinstance(choice, Sensing):
-        return choice
-    if choice not in get_args(SensingKind):
-        raise CruiseError(f"unknown sensing {choice!r}; there are {', '.join(get_args(SensingKind))}, or a Sensing")
-    return Sensing(choice)
-
-
-def _track(choice: TrackChoice) -> Track:
-    return choice if isinstance(choice, Track) else load_track(choice)

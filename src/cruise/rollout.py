@@ -106,7 +106,7 @@ def fly(
         CruiseError: the team does not fit the environment.
     """
     start_key, flight_key = jax.random.split(key)
-    return fly_from(env, team, rules, _start(env, start_key, batch, gate), flight_key, steps)
+    return fly_from(env, team, rules, start_races(env, start_key, batch, gate), flight_key, steps)
 
 
 def fly_from(
@@ -177,8 +177,11 @@ class RunningRace:
 
 
 @eqx.filter_jit
-def _start(env: RaceEnv, key: Array, batch: tuple[int, ...], gate: int | None) -> RaceState:
-    return env.reset(key, batch, gate)
+def start_races(
+    env: RaceEnv, key: Array, batch: tuple[int, ...], gate: int | None = None, spread: float = 0.0
+) -> RaceState:
+    """Fresh random starts; `spread`: the share of races that start all along the track."""
+    return env.reset(key, batch, gate, spread)
 
 
 @eqx.filter_jit

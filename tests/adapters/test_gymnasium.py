@@ -206,6 +206,20 @@ def test_another_vehicle_and_its_observation():
         assert (terminated, truncated) == (False, step == 4)
 
 
+def test_from_where_it_is_asked_with_all_else_by_chance():
+    """Moved gates and sensors are drawn whoever says where a race starts, and for the next one."""
+    env = VectorRaceEnv(2, track="ring", drones=1, randomise=1.0, sensing="range", episode_steps=2)
+    start = {"position_w": [[[-12.0, -5.0, 2.0]], [[-12.0, -4.0, 2.0]]], "gate": [0, 1]}
+    env.reset(seed=0, options={"start": start})
+    state = env._races.state
+    np.testing.assert_allclose(state.drones.position_w[:, 0].T, np.array(start["position_w"])[:, 0])
+    assert state.next_gate.tolist() == [[0, 1]]
+    assert np.ptp(state.surroundings.gates.position_w, axis=-1).min() > 0
+    for _ in range(3):
+        env.step(np.zeros((2, 3), np.float32))
+    assert np.abs(env._races.state.drones.position_w[:, 0].T - np.array(start["position_w"])[:, 0]).min() > 0.01
+
+
 def test_text():
     env = gymnasium.make("cruise.gym:cruise/Race-v0", **DUEL, render_mode="ansi")
     env.reset(seed=2)
@@ -252,6 +266,10 @@ BAD = {
     "not shipped": ({"drones": 9}, "no policy is shipped for track 'ring' with 9 drones"),
     "agility": ({"agility": -1.0}, "agility must be above 0 and finite, got -1.0"),
     "time": ({"episode_steps": 0}, "episode_steps must be 1 or more, got 0"),
+    "sensing": ({"sensing": "sonar"}, "unknown sensing 'sonar'; there are exact, range, camera, or a Sensing"),
+    "spread": ({"spread_starts": 2}, "spread_starts must be from 0 to 1, got 2"),
+    "field": ({"vehicle": ["paper", "racer"]}, "vehicles 'paper' and 'racer' cannot share a race: "),
+    "vehicles": ({"vehicle": ["paper"] * 3, "drones": 2}, "3 vehicles for 2 drones: give one for all, or at most"),
     "render": ({"render_mode": "video"}, "unknown render_mode 'video'; there are rgb_array, human, ansi"),
 }
 

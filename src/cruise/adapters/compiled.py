@@ -11,6 +11,7 @@ from jaxtyping import Array, Bool, Float, Shaped, UInt32
 from cruise.env.race_env import RaceEnv
 from cruise.env.surroundings import perceive
 from cruise.env.types import RaceState, Rules, StepOutcome
+from cruise.evaluation.matches import STREAM
 from cruise.pilots.base import Crew
 from cruise.racing.events import COLLISION_KINDS
 from cruise.racing.field import rows
@@ -27,11 +28,14 @@ class Plan(NamedTuple):
     """What is settled when the step is compiled."""
 
     env: RaceEnv
-    groups: tuple[Crew, ...]  # the learners' first, which is commanded
+    groups: tuple[Crew, ...]
+    commanded: int  # of them: the first ones, the learners'
     learners: tuple[int, ...]
     observation: str
     mode: Reset
     limit: Array  # of an episode, in control steps; traced, so that another one compiles nothing
+    race: bool = False  # the race of a seed is that of `cruise.race`
+    spread: float = 0.0  # share of starts all along the track
 
 
 class Begun(NamedTuple):
@@ -57,10 +61,7 @@ def begin(
     plan: Plan, keys: UInt32[Array, "K E"], grid: Start | None, old: Carry | None, mask: Bool[Array, "E"] | None
 ) -> tuple[Carry, Seen]:
     """All races anew, or those of `mask`, from `grid` or from starts that are drawn."""
-    drawn, begun, spare = _draw(plan, keys)
-    if grid is not None:
-        state = plan.env.begin(grid)
-        begun = Begun(state, _remembered(plan, state))
+    drawn, begun, spare = _draw(plan, keys, grid)
     noise: Array | None = spare[:, 0]
     if old is not None and mask is not None:
         begun, drawn = _where(mask, (begun, drawn), (Begun(old.state, old.memories), old.keys))
@@ -85,7 +86,8 @@ def fly(plan: Plan, rules: Rules, carry: Carry, actions: Float[Array, "A L E"]) 
     before = carry.state
     assert carry.noise is not None
     noise, key = jax.random.split(jax.random.wrap_key_data(carry.noise))
-    (_, *memories), action = act_together(plan.env, plan.groups, (actions, *carry.memories), before, key)
+    told = (*_commands(plan, actions), *carry.memories)
+    remembered, action = act_together(plan.env, plan.groups, told, before, key)
     state, outcome = plan.env.step(before, jnp.where(before.airborne, action, 0.0), rules)
     racing = _of_learners(plan, state.airborne)
     active = _of_learners(plan, before.airborne) & ~carry.pending  # where it is pending, the step is the reset
@@ -99,7 +101,7 @@ def fly(plan: Plan, rules: Rules, carry: Carry, actions: Float[Array, "A L E"]) 
         "over": (~racing.any(axis=0) | late) & ~carry.pending,
         "info": _info(plan, state, outcome, active),
     }
-    return carry._replace(state=state, memories=tuple(memories), noise=jax.random.key_data(noise)), seen
+    return carry._replace(state=state, memories=remembered[plan.commanded :], noise=jax.random.key_data(noise)), seen
 
 
 def step(plan: Plan, rules: Rules, carry: Carry, actions: Float[Array, "A L E"]) -> tuple[Carry, Seen]:
@@ -143,17 +145,38 @@ def observed(plan: Plan, state: RaceState) -> Float[Array, "O L E"]:
     return rows(plan.env.observe_as[plan.observation](perceive(state)), plan.learners, axis=1)
 
 
-def _draw(plan: Plan, keys: UInt32[Array, "K E"]) -> tuple[Array, Begun, Array]:
-    """Every race's next randomness, its start, drawn by itself so that it is the same in any batch, and a spare key."""
+def _draw(plan: Plan, keys: UInt32[Array, "K E"], grid: Start | None = None) -> tuple[Array, Begun, Array]:
+    """Every race's next randomness, its start, drawn by itself so that it is the same in any batch, and a spare key.
+
+    A race that `cruise.race` flies, too, starts by the first of the keys, as it does there.
+    """
     split = jax.vmap(lambda key: jax.random.split(key, 3))(jax.random.wrap_key_data(keys.T))
-    state = jax.vmap(plan.env.reset, out_axes=-1)(split[:, 1])
-    following, spare = (jax.random.key_data(split[:, i]).T for i in (0, 2))
+    start, following = (split[:, i] for i in ((0, 1) if plan.race else (1, 0)))
+
+    def reset(key: Array, at: Start | None) -> RaceState:
+        return plan.env.reset(key, spread=plan.spread, start=at)
+
+    state = jax.vmap(reset, in_axes=(0, -1), out_axes=-1)(start, grid)
+    following, spare = (jax.random.key_data(one).T for one in (following, split[:, 2]))
     return following, Begun(state, _remembered(plan, state)), spare
+
+
+def key_of(race: bool, seed: Array, high: Array | int = 0) -> Array:
+    """The key of the race of a seed of 32 bits and 32 higher ones; of a real race, of that in `cruise.race`."""
+    key = jax.random.key(seed)
+    return jax.random.fold_in(jax.random.fold_in(key, STREAM) if race else key, high)
+
+
+def _commands(plan: Plan, actions: Float[Array, "A L E"]) -> tuple[Array, ...]:
+    """The learners' actions, vehicle by vehicle; of the widest action each takes the numbers that it has."""
+    crews = plan.groups[: plan.commanded]
+    sizes = [plan.env.of_drones(crew.drones).dynamics.action_size for crew in crews]
+    return tuple(rows(actions[:size], crew.drones, axis=1) for size, crew in zip(sizes, crews, strict=True))
 
 
 def _remembered(plan: Plan, state: RaceState) -> tuple:
     """What opponents remember at the start; learners are commanded, which leaves nothing to remember."""
-    return first_memories(plan.env, plan.groups[1:], state)
+    return first_memories(plan.env, plan.groups[plan.commanded :], state)
 
 
 def _where(mask: Array, new: Any, old: Any) -> Any:

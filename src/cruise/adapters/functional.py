@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from cruise.adapters.compiled import Carry, begin, begin_again, fly, observed
+from cruise.adapters.compiled import Carry, begin, begin_again, fly, key_of, observed
 from cruise.adapters.options import RaceOptions, choose
 from cruise.adapters.setup import set_up
 from cruise.errors import CruiseError
@@ -88,13 +88,16 @@ class FunctionalRaces:
         """[A] in [-1, 1], in the frame of the observation, the same for every agent."""
         return self._action
 
+    def key_of(self, seed: Array | int) -> Array:
+        """The key of a seed's race, below 2^32, in Gymnasium and PettingZoo; of a real race in `cruise.race`, too."""
+        return key_of(self._plan.race, jnp.asarray(seed, jnp.uint32))
+
     @single_precision
     def reset(self, key: Array, races: int | None = None) -> tuple[Float[Array, "O L E"], Carry]:
         """Begin so many races.
 
         Args:
-            key: one, which is split, or a key for every race. The race of `fold_in(key(seed), 0)` is that of the seed
-                in Gymnasium and PettingZoo.
+            key: one, which is split, or a key for every race: with those of `key_of` the races of seeds elsewhere.
             races: their number E, where there is one key.
 
         Returns:

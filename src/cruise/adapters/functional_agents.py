@@ -12,8 +12,8 @@ from cruise.adapters.options import RaceOptions
 from cruise.adapters.per_race import of_one_race
 from cruise.config import Track
 from cruise.errors import CruiseError
+from cruise.evaluation.race_choices import FleetChoice
 from cruise.precision import single_precision
-from cruise.vehicles import VehicleChoice
 
 Layout = Literal["races-last", "agents", "single"]
 Values = dict[str, Any]  # by agent
@@ -111,7 +111,7 @@ LAYOUTS: dict[str, type[FunctionalRaces]] = {
 def make(
     track: Track | str = "ring",
     drones: int | None = None,
-    vehicle: VehicleChoice = "paper",
+    vehicle: FleetChoice = "paper",
     *,
     layout: Layout | str = "races-last",
     **options: Any,
@@ -123,7 +123,7 @@ def make(
     Args:
         track: a track, the name of a built-in one, or the path of a TOML file.
         drones: in a race; by default one more than opponents are named, or 4.
-        vehicle: a vehicle, the name of a built-in one, or the path of a TOML file.
+        vehicle: a vehicle, the name of a built-in one, or the path of a TOML file; or several, one per drone.
         layout: `races-last`: many races in arrays [components, drones, races], the fastest. `agents`: one race with
             agents by name, for `jax.vmap`, as JaxMARL's. `single`: one race with one learner, for `jax.vmap`, as
             gymnax's.

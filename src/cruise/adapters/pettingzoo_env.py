@@ -6,7 +6,8 @@ from typing import Any
 import gymnasium
 import numpy as np
 from numpy.typing import ArrayLike
-from pettingzoo import ParallelEnv
+from pettingzoo import AECEnv, ParallelEnv
+from pettingzoo.utils import parallel_to_aec
 
 from cruise.adapters.gymnasium_env import RENDER_MODES, single, start_of
 from cruise.adapters.options import Choices, RaceOptions
@@ -142,3 +143,13 @@ class ParallelRaceEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
 def agents_of(choices: Choices) -> list[str]:
     """Names of all drones."""
     return [f"drone_{drone}" for drone in range(choices.drones)]
+
+
+def parallel_env(**options: Any) -> ParallelRaceEnv:
+    """As `cruise.parallel_env`: with `env` what PettingZoo's tools ask a module of."""
+    return ParallelRaceEnv(**options)
+
+
+def env(**options: Any) -> AECEnv:
+    """The race of `parallel_env` as PettingZoo's cycle of agents, one after the other."""
+    return parallel_to_aec(ParallelRaceEnv(**options))

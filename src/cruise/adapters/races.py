@@ -1,6 +1,7 @@
 """A batch of races under one compiled step, with NumPy arrays outside: what every adapter is a thin layer over."""
 
 import copy
+import functools
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -8,7 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from cruise.adapters.compiled import Carry, Reset, begin_first, fly_step
+from cruise.adapters.compiled import Carry, Reset, begin_first, fly_step, key_of
 from cruise.adapters.options import RaceOptions, choose
 from cruise.adapters.setup import Setup, set_up
 from cruise.adapters.workers import start_jax
@@ -89,7 +90,8 @@ class Races:
         """
         start_jax()
         if seeds is not None:
-            keys = _keys(np.array([[seed & 0xFFFFFFFF, (seed >> 32) & 0xFFFFFFFF] for seed in seeds], np.uint32))
+            words = [[seed & 0xFFFFFFFF, (seed >> 32) & 0xFFFFFFFF] for seed in seeds]
+            keys = _keys(self.setup.plan.race, np.array(words, np.uint32))
         else:
             keys = self._running().keys
         grid = None if start is None else start.grid(self.setup, self.num_races)
@@ -110,8 +112,9 @@ class Races:
             raise CruiseError("actions must be finite numbers in [-1, 1], got some that are not finite")
         carry, setup = self._running(), self.setup
         if setup.python_pilots:
-            _, *memories = ask_python(setup.python_pilots, (None, *carry.memories), carry.state)
-            carry = carry._replace(memories=tuple(memories))
+            commanded = setup.plan.commanded
+            memories = ask_python(setup.python_pilots, (*(None,) * commanded, *carry.memories), carry.state)
+            carry = carry._replace(memories=memories[commanded:])
         self._carry, seen = fly_step(setup.plan, setup.rules, carry, jnp.asarray(given))
         return _stepped(seen)
 
@@ -153,7 +156,7 @@ def _stepped(seen: dict) -> Stepped:
     return Stepped(**jax.tree.map(np.array, seen))
 
 
-@jax.jit
-def _keys(words: jax.Array) -> jax.Array:
+@functools.partial(jax.jit, static_argnums=0)
+def _keys(race: bool, words: jax.Array) -> jax.Array:
     """[K, E] the data of a key for every race."""
-    return jax.random.key_data(jax.vmap(lambda w: jax.random.fold_in(jax.random.key(w[0]), w[1]))(words)).T
+    return jax.random.key_data(jax.vmap(lambda word: key_of(race, *word))(words)).T

@@ -31,6 +31,8 @@ class Evaluate:
     line_up: LineUp = field(default_factory=LineUp)
     episodes: Annotated[int | None, described("N")] = None
     """Races, each from a fresh random start. By default 100; with --protocol those of every field, or fewer of them."""
+    laps: Annotated[int | None, described("N")] = None
+    """Laps of each race. By default the track's, or the protocol's."""
     seed: int = 0
     """Seed of the starts, which are never those of training."""
     json: bool = False
@@ -61,7 +63,7 @@ class Evaluate:
                 shown.append(log)
 
         episodes = USUAL_EPISODES if self.episodes is None else self.episodes
-        evaluation = evaluate_match(self.line_up.match(), episodes, self.seed, keep)
+        evaluation = evaluate_match(self.line_up.match(self.laps), episodes, self.seed, keep)
         self._write_replay(shown)
         if self.json:
             print(json.dumps(evaluation.to_dict(), indent=2, allow_nan=False))
@@ -75,6 +77,8 @@ class Evaluate:
         return 0
 
     def _by_protocol(self, name: str) -> int:
+        if self.laps is not None:
+            raise CruiseError("--protocol says how many laps are flown: leave out --laps")
         if self.html is not None:
             raise CruiseError("--html shows races of one match, not those of a protocol: leave out one of them")
         from cruise.cli.protocol import find_protocol, run_protocol, show_rows  # noqa: PLC0415

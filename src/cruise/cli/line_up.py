@@ -55,11 +55,14 @@ class LineUp:
     """Output of `diff all` of a real drone: the firmware is set as that is."""
     budget_ms: float = 10_000.0
     """Time for each action of a pilot in Python; one that takes longer ends the race with an error [ms]."""
+    spread_starts: Annotated[float, described("SHARE")] = 0.0
+    """Share of races that start all along a track which has a start of its own."""
     sensing: Sensing = field(default_factory=Sensing)
 
     def match(self, laps: int | None = None) -> "Match":
         """The match that the flags describe. Raises CruiseError where they do not go together."""
         from cruise.evaluation.matches import make_match  # noqa: PLC0415  (imports JAX)
+        from cruise.evaluation.race_choices import find_sensing, find_spread  # noqa: PLC0415
         from cruise.pilots.terms_file import load_all_terms  # noqa: PLC0415
 
         if self.policy is not None and self.pilot:
@@ -71,7 +74,9 @@ class LineUp:
         drones = self.drones if self.drones is not None else _usual_drones(metas, choices, len(self.vehicle))
         vehicle = self.vehicle or None
         match = make_match(track, drones, choices or None, laps, self.budget_ms / 1e3, vehicle, self.randomise)
-        return replace(match, simulator=self.simulator, firmware=self.firmware(), sensing=self.sensing)
+        sensing, spread = find_sensing(self.sensing), find_spread(self.spread_starts, track)
+        match = replace(match, sensing=sensing, spread_starts=spread)
+        return replace(match, simulator=self.simulator, firmware=self.firmware())
 
     def firmware(self) -> Firmware:
         """How the firmware is set. Raises CruiseError where its file is no output of `diff all`."""

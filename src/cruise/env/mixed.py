@@ -60,6 +60,11 @@ def groups_of(vehicles: Sequence[Vehicle]) -> tuple[Group, ...]:
     )
 
 
+def field_dynamics(groups: tuple[Group, ...]) -> Dynamics:
+    """What moves all drones."""
+    return make_mixed(groups) if len(groups) > 1 else groups[0].dynamics
+
+
 class _Field(NamedTuple):
     """All groups of a mixed field."""
 

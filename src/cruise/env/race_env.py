@@ -51,7 +51,7 @@ class RaceEnv(NamedTuple):
     vehicle: Vehicle  # of all drones; in a mixed field of the first, or of those whose pilot is asked
     course: Course
     dynamics: Dynamics
-    reset: Callable[..., RaceState]  # (key, batch=(), gate=None, spread=0.0) -> state
+    reset: Callable[..., RaceState]  # (key, batch=(), gate=None, spread=0.0, start=None) -> state
     begin: Callable[..., RaceState]  # (start grid, conditions) -> state
     step: Callable[[RaceState, Array, Rules], tuple[RaceState, StepOutcome]]
     observe: Observe  # [O, N, *B], of the kind the environment was made with
@@ -213,15 +213,21 @@ def make_race_env(
         state = RaceState(drones, gate, counts, none, none, counts[0], conditions.surroundings)
         return _informed(env_course, dynamics, state, settled)
 
-    def reset(key: Array, batch: tuple[int, ...] = (), gate: int | None = None, spread: float = 0.0) -> RaceState:
-        """`spread`: share of the races whose drones start all along the track."""
+    def reset(
+        key: Array,
+        batch: tuple[int, ...] = (),
+        gate: int | None = None,
+        spread: float = 0.0,
+        start: Start | None = None,
+    ) -> RaceState:
+        """`spread`: share of the races whose drones start all along the track. `start`: where they do in any case."""
         start_key, conditions_key, spread_key = jax.random.split(key, 3)
         conditions = perturb(conditions_key, (num_drones, *batch)) if perturb else AS_SAID
         here = _with_gates(env_course, conditions.surroundings)
-        start = start_grid(here, start_key, num_drones, batch, gate, plan)
+        drawn = start_grid(here, start_key, num_drones, batch, gate, plan)
         if spread:
-            start = _some_spread(here, spread_key, start, spread, spread_plan(track, num_drones))
-        return begin(start, conditions)
+            drawn = _some_spread(here, spread_key, drawn, spread, spread_plan(track, num_drones))
+        return begin(start or drawn, conditions)
 
     def step(state: RaceState, action: Float[Array, "A N *B"], rules: Rules) -> tuple[RaceState, StepOutcome]:
         airborne, course = state.airborne, _with_gates(env_course, state.surroundings)

@@ -17,17 +17,17 @@ from cruise.env.randomise import made_for_each, perturbation
 from cruise.errors import CruiseError
 from cruise.evaluation.metrics import race_result
 from cruise.evaluation.pilot_choice import PilotChoice, find_pilot, identity
+from cruise.evaluation.race_choices import FleetChoice, RandomisationChoice, find_fleet, find_randomisation
 from cruise.evaluation.summary import Evaluation, summarise
 from cruise.interop.simulators import make_simulated, simulation
 from cruise.pilots.base import Pilot, Versatile
 from cruise.pilots.foreign import DEFAULT_BUDGET
-from cruise.presets import MAX_RANDOMISE, full_randomisation
 from cruise.racing.track_geometry import lap_length
-from cruise.rollout import fly, team_rules
+from cruise.rollout import fly_from, start_races, team_rules
 from cruise.storage.policy_file import USUAL_VEHICLE, read_meta, shipped_name
 from cruise.storage.race_log import RaceLog, flown_in
 from cruise.storage.recorder import RaceInfo, race_logs
-from cruise.vehicles import VEHICLES, VehicleChoice, find_vehicle, fly_alike, load_vehicle, reference_to
+from cruise.vehicles import VEHICLES, find_vehicle, fly_alike, reference_to
 
 StrPath = str | os.PathLike[str]
 
@@ -53,6 +53,7 @@ class Match:
     asked_for: Fleet | None = None  # what all of them fly, or each; None: what the pilots were made for
     firmware: Firmware = AS_MATCHED  # of the simulator betaflight
     sensing: Sensing = EXACT
+    spread_starts: float = 0.0  # share of races that start all along the track
 
     @property
     def vehicle(self) -> Vehicle:
@@ -94,8 +95,8 @@ def make_match(
     pilots: PilotChoice | Sequence[PilotChoice] | None = None,
     laps: int | None = None,
     budget: float = DEFAULT_BUDGET,
-    vehicle: VehicleChoice | InSimulator | Sequence[VehicleChoice] | None = None,
-    randomise: float = 0.0,
+    vehicle: FleetChoice | InSimulator | None = None,
+    randomise: RandomisationChoice = 0.0,
 ) -> Match:
     """Put a match together.
 
@@ -109,7 +110,8 @@ def make_match(
         vehicle: what all of them fly: itself, a preset's name or the path of a TOML file; or several, one per drone,
             fewer taking turns. By default what the pilots were made for; pilots of one vehicle fly another whose
             actions mean the same (`fly_alike`), if asked to. `InSimulator` says what moves it, too.
-        randomise: how much of the vehicle's full randomisation (`presets.RANDOMISATION`) races differ by; 0: none.
+        randomise: how much of the vehicle's full randomisation (`presets.RANDOMISATION`) races differ by, 0: none; or
+            each spread.
 
     Raises:
         CruiseError: a number out of range, more pilots than drones, no such pilot or vehicle, or pilots of different
@@ -121,7 +123,7 @@ def make_match(
     laps = track.laps if laps is None else laps
     _in_range("drones", drones, 1, MAX_DRONES)
     _in_range("laps", laps, 1, MAX_LAPS)
-    fleet = _fleet(vehicle, drones)
+    fleet = find_fleet(vehicle, drones)
     asked = fleet[0] if fleet else None
     if pilots is None:
         pilots = shipped_name(track.name, drones, USUAL_VEHICLE if asked is None else reference_to(asked))
@@ -130,20 +132,7 @@ def make_match(
         raise CruiseError(f"{len(choices)} pilots for {drones} drones: give one for all, or at most one per drone")
     team = _team([choices[drone % len(choices)] for drone in range(drones)], fleet or (None,) * drones, budget)
     match = Match(track, team, laps, asked_for=asked if len(set(fleet)) <= 1 else fleet)
-    if randomise == 0:
-        return match
-    if not 0 < randomise <= MAX_RANDOMISE:
-        raise CruiseError(f"randomise must be from 0 to {MAX_RANDOMISE}, got {randomise}")
-    return replace(match, randomisation=full_randomisation(match.vehicle).scaled(randomise))
-
-
-def _fleet(choice: VehicleChoice | Sequence[VehicleChoice] | None, drones: int) -> tuple[Vehicle, ...]:
-    """The vehicle of every drone; nothing where none is asked for."""
-    choices: list[Any] = list(choice) if isinstance(choice, list | tuple) else [] if choice is None else [choice]
-    if len(choices) > drones:
-        raise CruiseError(f"{len(choices)} vehicles for {drones} drones: give one for all, or at most one per drone")
-    known = [load_vehicle(one) for one in choices]
-    return each_of(tuple(known[drone % len(known)] for drone in range(drones)), drones) if known else ()
+    return replace(match, randomisation=find_randomisation(randomise, match.vehicle))
 
 
 def _team(choices: Sequence[Any], fleet: Sequence[Vehicle | None], budget: float) -> tuple[Pilot, ...]:
@@ -200,8 +189,11 @@ def fly_batch(match: Match, env: RaceEnv, key: jax.Array, batch: int) -> list[Ra
     distance, aspect = max(distances), max(vehicle.collision_aspect for vehicle in vehicles)
     apart = distance if min(distances) == distance else distances
     rules = team_rules(team, apart, match.track.gates_to_finish(match.laps), (batch,))
+    start_key, flight_key = jax.random.split(key)
+    steps = round(match.time_limit / match.vehicle.control_dt)
     with simulation(match.simulator):
-        flight = fly(env, team, rules, key, round(match.time_limit / match.vehicle.control_dt), (batch,))
+        state = start_races(env, start_key, (batch,), spread=match.spread_starts)
+        flight = fly_from(env, team, rules, state, flight_key, steps)
     names, flown = tuple(pilot.name for pilot in team), tuple(vehicle.name for vehicle in vehicles)
     return race_logs(flight, RaceInfo(match.track, match.laps, flown, distance, names, aspect))
 
@@ -255,8 +247,8 @@ def evaluate(
     pilots: PilotChoice | Sequence[PilotChoice] | None = None,
     episodes: int = 100,
     seed: int = 0,
-    vehicle: VehicleChoice | InSimulator | Sequence[VehicleChoice] | None = None,
-    randomise: float = 0.0,
+    vehicle: FleetChoice | InSimulator | None = None,
+    randomise: RandomisationChoice = 0.0,
 ) -> Evaluation:
     """Measure pilots over races of the track's laps from standing, with true openings and final collisions.
 
