@@ -1,16 +1,16 @@
 """Other learning libraries on the races: the snippets of docs/clients.md, and then the library's own learner.
 
 `make clients` installs the libraries, some of which exclude each other's versions, and runs this in each environment.
-Each line is one library: environment steps, how fast they came once all was compiled, and processor time with all that
-the library imports and compiles.
+Each line is one library: environment steps, how many come in a second of processor time once all is compiled, and the
+processor time with all that the library imports and compiles.
 """
 
 import importlib.metadata
+import os
 import re
 import resource
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from multiprocessing import get_context
 from pathlib import Path
@@ -63,20 +63,19 @@ def _counted() -> Callable[[], tuple[int, float]]:
     """Counts the steps of learners through NumPy's doors from now on, in forked processes, too."""
     from cruise.adapters.races import Races  # noqa: PLC0415
 
-    seen = get_context("fork").Array("d", 4)  # steps, and steps and time where timing began; time of the last
-    step = Races.step
+    seen = get_context("fork").Array("d", 3)  # steps, and steps and time where timing began
+    step, here = Races.step, os.getpid()
 
     def counted(self: Races, actions: Any) -> Any:
         stepped = step(self, actions)
         with seen.get_lock():
             seen[0] += stepped.active.sum()
             if not seen[2] and seen[0] >= WARM * clients_learn.STEPS:
-                seen[1:3] = [seen[0], time.time()]
-            seen[3] = time.time()
+                seen[1:3] = [seen[0], clients_learn.used(here)]
         return stepped
 
     Races.step = counted  # type: ignore[method-assign]
-    return lambda: (int(seen[0]), (seen[0] - seen[1]) / (seen[3] - seen[2]) if seen[3] > seen[2] > 0 else 0.0)
+    return lambda: (int(seen[0]), (seen[0] - seen[1]) / (clients_learn.used(here) - seen[2]) if seen[2] else 0.0)
 
 
 def _processor_seconds() -> float:
@@ -94,8 +93,8 @@ def main() -> int:
         code, before = f"from benchmarks.clients import run; print(run({name!r}))", _processor_seconds()
         done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
         seconds = _processor_seconds() - before
-        last = (done.stdout if done.returncode == 0 else done.stderr).strip().splitlines()[-1:]
-        said = last[0] if done.returncode == 0 else f"FAILED: {' '.join(last)}"
+        failed_by = re.findall(r"^[\w.]*(?:Error|Exception)\b.*", done.stderr, re.MULTILINE)[-1:]
+        said = f"FAILED: {failed_by}" if done.returncode else done.stdout.strip().splitlines()[-1]
         print(f"{name:22} {package} {version}: {said}, {seconds:.0f} s of processor time", flush=True)
         failed += done.returncode != 0
     return int(failed > 0)

@@ -3,6 +3,7 @@
 Each takes the names that the snippet has made. It gives steps and their rate where no counter of ours sees them.
 """
 
+import contextlib
 import os
 import sys
 import time
@@ -12,6 +13,20 @@ from typing import Any
 STEPS = 10_000
 ROLLOUT = 128
 Names = dict[str, Any]
+
+
+def used(process: int) -> float:
+    """Processor time of a process and of all that it has started [s], from /proc: a busy machine has no other clock."""
+    told = {}
+    for file in Path("/proc").glob("[0-9]*/stat"):
+        with contextlib.suppress(OSError):
+            words = file.read_text().rpartition(")")[2].split()
+            told[int(file.parent.name)] = int(words[1]), sum(map(int, words[11:15]))
+    family, grown = {process}, 0
+    while len(family) > grown:
+        grown = len(family)
+        family |= {one for one, (parent, _) in told.items() if parent in family}
+    return sum(told[one][1] for one in family if one in told) / os.sysconf("SC_CLK_TCK")
 
 
 def as_cleanrl(names: Names) -> None:
@@ -76,8 +91,8 @@ def rllib(names: Names) -> tuple[int, float]:
     while steps < STEPS:
         steps = int(algorithm.train()["num_env_steps_sampled_lifetime"])
         if not began:
-            began, first = time.time(), steps
-    rate = (steps - first) / (time.time() - began)
+            began, first = used(os.getpid()), steps
+    rate = (steps - first) / (used(os.getpid()) - began)
     algorithm.stop()
     return steps, rate
 
@@ -215,10 +230,10 @@ def jaxmarl(names: Names) -> tuple[int, float]:
     config |= {"NUM_ENVS": races, "TOTAL_TIMESTEPS": STEPS}
     first, second = jax.random.split(jax.random.PRNGKey(30))
     train = jax.jit(ippo.make_train(config, first)).lower(second).compile()
-    began = time.time()
+    began = time.process_time()
     jax.block_until_ready(train(second))
     steps = STEPS // (races * 40) * races * 40 * 2
-    return steps, steps / (time.time() - began)
+    return steps, steps / (time.process_time() - began)
 
 
 def gymnax(names: Names) -> tuple[int, float]:
@@ -246,7 +261,7 @@ def _timed(env: Any, act: Any) -> tuple[int, float]:
         return jax.lax.scan(step, state, jax.random.split(key, length))[1]
 
     flown = jax.jit(fly).lower(jax.random.PRNGKey(0)).compile()
-    began = time.time()
+    began = time.process_time()
     jax.block_until_ready(flown(jax.random.PRNGKey(0)))
     steps = length * races * drones
-    return steps, steps / (time.time() - began)
+    return steps, steps / (time.process_time() - began)

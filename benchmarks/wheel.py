@@ -4,15 +4,15 @@
 
 Each gets an environment of its own. Then `cruise race` flies by that environment alone: from an empty folder, as
 nobody, with a home that cannot be written, and no network (where this machine's `unshare` allows it). Each line is one
-Python: seconds and MB of the installation, seconds until `cruise --help` and until a race is flown for the first time.
+Python: processor seconds and MB of the installation, and processor seconds of `cruise --help` and of the first race.
 """
 
 import os
+import resource
 import shutil
 import subprocess
 import sys
 import tempfile
-import time
 from pathlib import Path
 
 ROOT = Path(__file__).parent.parent
@@ -33,10 +33,11 @@ def find_python(version: str) -> str | None:
 
 
 def seconds(command: list[str], **options: object) -> float:
-    """How long it took. Raises CalledProcessError where it fails."""
-    began = time.monotonic()
+    """Of a processor that it took. Raises CalledProcessError where it fails."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
     subprocess.run(command, check=True, capture_output=True, text=True, **options)  # type: ignore[call-overload]
-    return time.monotonic() - began
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
 
 def megabytes(folder: Path) -> float:
