@@ -15,7 +15,7 @@ from cruise.vehicles import VehicleChoice, load_vehicle
 TrackChoice = Track | str | os.PathLike[str]
 FleetChoice = VehicleChoice | Sequence[VehicleChoice]
 RandomisationChoice = float | Randomisation
-SensingChoice = Sensing | SensingKind
+SensingChoice = Sensing | str  # one of `SensingKind`
 
 
 def find_track(choice: TrackChoice) -> Track:
@@ -52,7 +52,7 @@ def find_sensing(choice: SensingChoice) -> Sensing:
         return choice
     if choice not in get_args(SensingKind):
         raise CruiseError(f"unknown sensing {choice!r}; there are {', '.join(get_args(SensingKind))}, or a Sensing")
-    return Sensing(choice)
+    return Sensing(choice)  # type: ignore[arg-type]
 
 
 def find_spread(share: float, track: Track) -> float:
