@@ -190,7 +190,7 @@ def skrl(names: Names) -> None:
     memory = RandomMemory(memory_size=ROLLOUT, num_envs=env.num_envs, device=env.device)
     quiet = {"write_interval": 0, "checkpoint_interval": 0}
     agent = PPO(models=models, memory=memory, cfg={"rollouts": ROLLOUT, "experiment": quiet}, **spaces)
-    trainer = SequentialTrainer(env=env, agents=agent, cfg={"timesteps": STEPS // env.num_envs + 1})
+    trainer = SequentialTrainer(env=env, agents=agent, cfg={"timesteps": STEPS // env.num_envs + 1, "headless": True})
     trainer.train()
 
 
