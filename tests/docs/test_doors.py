@@ -11,7 +11,8 @@ from cruise.adapters.options import RaceOptions
 from cruise.cli.main import main
 from tests.docs.blocks import ROOT
 
-ROWS = re.findall(r"^\| `?([a-z_]+)`? \|(.*)\|$", (ROOT / "docs" / "clients.md").read_text(), re.MULTILINE)
+PAGE = (ROOT / "docs" / "clients.md").read_text().partition("## Each client")[0]
+ROWS = re.findall(r"^\| `?([a-z_]+)`? \|(.*)\|$", PAGE, re.MULTILINE)
 TABLE = {name: [cell.strip() for cell in cells.split("|")] for name, cells in ROWS if cells.count("|") == 3}
 RACE, PYTHON, OPTION, TRAIN = range(4)
 
@@ -35,8 +36,7 @@ def test_python_has_what_the_table_says():
 
 @pytest.mark.parametrize(("command", "column"), [("race", RACE), ("evaluate", RACE), ("train", TRAIN)])
 def test_commands_have_what_the_table_says(command, column, capsys):
-    with pytest.raises(SystemExit):
-        main([command, "--help"])
+    assert main([command, "--help"]) == 0
     told = capsys.readouterr().out
     for flag in words(column, r"`(--[a-z-]+)`"):
         assert flag in told, flag
