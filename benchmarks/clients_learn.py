@@ -219,10 +219,13 @@ def jaxmarl(names: Names) -> tuple[int, float]:
     scripts = Path(os.environ.get("JAXMARL", "")) / "baselines" / "IPPO"
     if not (scripts / "ippo_ff_mabrax.py").is_file():
         return _timed(
-            LogWrapper(names["env"]), lambda env, keys: {a: env.action_space(a).sample(keys[0]) for a in env.agents}
+            LogWrapper(names["env"]), lambda env, key: {a: env.action_space(a).sample(key) for a in env.agents}
         )
     sys.path.insert(0, str(scripts))
     import ippo_ff_mabrax as ippo
+    import wandb
+
+    wandb.init(mode="disabled")  # as its main does by default
 
     races, config = 64, {"LR": 1e-3, "NUM_STEPS": 40, "UPDATE_EPOCHS": 4, "NUM_MINIBATCHES": 4, "GAMMA": 0.99}
     config |= {"GAE_LAMBDA": 0.95, "CLIP_EPS": 0.2, "ENT_COEF": 0.0, "VF_COEF": 4.5, "MAX_GRAD_NORM": 0.5}
