@@ -115,16 +115,18 @@ EXTRA.figure-eight-4 := $(FAST)
 EXTRA.figure-eight-2 := $(FAST) --w-speed 0.01 --edge-margin 0.1 --seed 2
 # VEHICLE-TRACK: for fields of any size, but racer-figure-eight and racer-random, which are for a drone alone.
 # VEHICLE-TRACK-field: for fields where VEHICLE-TRACK is for a drone alone.
+# Made before a drone alone was judged with more sight and tried again after crashes.
+FORMER := --value-loss absolute --retry-share 0 --critic-observation ''
 # racer-ring goes on from racer-ring-first on the last stage alone, in smaller steps.
 TRAIN.racer-ring-first := --vehicle racer --track ring --drones 8 --step-scale 2.25
 TRAIN.racer-ring := --vehicle racer --track ring --drones 8 --step-scale 0.75 --vanilla \
     --start-from runs/racer-ring-first --learning-rate 3e-4 --final-learning-rate 3e-5
 runs/racer-ring/policy.json: runs/racer-ring-first/policy.json
 # What a way through one gate costs shows later than on the ring, so advantages look farther ahead.
-TRAIN.racer-figure-eight-first := --vehicle racer --track figure-eight --drones 1 --seed 1 --gae-lambda 0.98
+TRAIN.racer-figure-eight-first := --vehicle racer --track figure-eight --drones 1 --seed 1 --gae-lambda 0.98 $(FORMER)
 TRAIN.racer-figure-eight := --vehicle racer --track figure-eight --drones 1 --seed 1 --gae-lambda 0.98 --vanilla \
     --step-scale 0.5 --start-from runs/racer-figure-eight-first --learning-rate 3e-4 --final-learning-rate 3e-5 \
-    --terminal -40 --w-edge 20
+    --terminal -40 --w-edge 20 $(FORMER)
 runs/racer-figure-eight/policy.json: runs/racer-figure-eight-first/policy.json
 # Six gates, no two alike: after six seconds drones have flown one lap, and the second is faster. What learned in short
 # episodes crashed in it; what never met a race without any deviation crashed there.
@@ -156,10 +158,10 @@ TRAIN.racer-ring-sturdy := $(STURDY) --track ring --drones 8 --step-scale 1 --st
     --learning-rate 3e-4 --milder-share 0.5
 runs/racer-ring-sturdy/policy.json: runs/racer-ring-sturdy-first/policy.json
 TRAIN.racer-figure-eight-sturdy := $(STURDY) --track figure-eight --drones 1 --step-scale 1.5 --gae-lambda 0.98 \
-    --start-from racer-figure-eight --learning-rate 6e-4
+    --start-from racer-figure-eight --learning-rate 6e-4 $(FORMER)
 # Progress to the middle of gates: on a track that it has never seen a drone does not know how far a corner can be cut.
 TRAIN.racer-random := --vehicle racer --track random --drones 1 --step-scale 2 --progress-to centre --terminal -40 \
-    --w-edge 20 --edge-margin 0.3
+    --w-edge 20 --edge-margin 0.3 --gae-lambda 0.95 $(FORMER)
 # Trained before frames cost more and partners were more.
 TRAIN.crazyflie-ring := --vehicle crazyflie --track ring --drones 4 --edge-margin 0.2 --w-edge 10 --sparring-share 0.1
 TRACK_AND_DRONES = --track $(shell echo $* | sed 's/-[0-9]*$$//') --drones $(lastword $(subst -, ,$*))

@@ -79,6 +79,15 @@ def test_the_value_of_another_flag_decides_no_defaults():
     assert config_of("--reward-preset", "paper", "--episodes", "2").ppo == training_config("paper").ppo
 
 
+def test_a_policy_to_start_from_decides_what_the_value_network_sees():
+    alone = ("--vehicle", "racer", "--drones", "1")
+    assert config_of(*alone).critic_observation == "body-far"
+    assert config_of(*alone, "--start-from", "racer-random").critic_observation == ""
+    assert (
+        config_of(*alone, "--start-from", "racer-random", "--critic-observation", "body").critic_observation == "body"
+    )
+
+
 @pytest.mark.parametrize("name", VEHICLES)
 def test_every_vehicle_has_a_curriculum(name):
     stages = CURRICULA[name]

@@ -160,7 +160,7 @@ def test_a_value_network_learns_on_from_what_it_saw(tmp_path):
         if seen == "paper":
             assert bits(initial_state(begun).model) == bits(params)
             continue
-        told = f"give --critic-observation {seen}" if seen else "leave out --critic-observation"
+        told = f"give --critic-observation {seen or repr(seen)}"
         with pytest.raises(CruiseError, match=told):
             initial_state(begun)
 

@@ -77,9 +77,14 @@ class Train:
 
     @classmethod
     def usual(cls, asked: "Train") -> "Train":
-        """The defaults, which the vehicle, the number of drones and the randomisation that were asked for decide."""
+        """The defaults, which the vehicle, the number of drones and the randomisation that were asked for decide.
+
+        A policy that learning starts from decides what its value network goes on observing.
+        """
         vehicle = find_vehicle(asked.config.vehicle)
         config = training_config(vehicle, asked.config.drones)
+        if asked.config.start_from:
+            config = dataclasses.replace(config, critic_observation=_critic_of(asked.config.start_from, config))
         if asked.randomise is not None:
             config = dataclasses.replace(config, randomisation=training_randomisation(vehicle, asked.randomise))
         return cls(config=config)
@@ -172,3 +177,13 @@ class Train:
             raise CruiseError(
                 "--resume continues a run as it was configured: leave out every flag but --episodes and --terms"
             )
+
+
+def _critic_of(policy: str, config: TrainConfig) -> str:
+    """What the value network of a policy observed; where there is no such policy the run will say so."""
+    from cruise.storage.policy_file import read_meta  # noqa: PLC0415  (imports JAX)
+
+    try:
+        return read_meta(policy).critic_observation
+    except CruiseError:
+        return config.critic_observation

@@ -54,6 +54,11 @@ class PolicyMeta:
         """Environment steps of the active drone since its networks were random."""
         return self.steps_before + self.steps
 
+    @property
+    def critic_observation(self) -> str:
+        """What its value network observed; empty: the same as the policy."""
+        return self.config.get("critic_observation", "") if isinstance(self.config, dict) else ""
+
 
 @dataclass(frozen=True)
 class _Description:

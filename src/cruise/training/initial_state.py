@@ -25,8 +25,8 @@ def initial_state(trainer: Trainer) -> TrainState:
     state, config = trainer.initial_state(), trainer.config
     model, pool, league = state.model, state.opponents, state.league
     if config.start_from:
-        model = _fitting(config.start_from, config, state.model, alike(config.observation))
         _require_same_critic(config)
+        model = _fitting(config.start_from, config, state.model, alike(config.observation))
         pool = pool._replace(newest=model, previous=model)
     if config.against:
         opponent = _fitting(config.against, config, state.model, {config.observation})
@@ -39,10 +39,9 @@ def initial_state(trainer: Trainer) -> TrainState:
 
 def _require_same_critic(config: TrainConfig) -> None:
     """Raises CruiseError where the value network that learns on saw something else before."""
-    stored = read_meta(config.start_from).config
-    before = stored.get("critic_observation", "") if isinstance(stored, dict) else ""
+    before = read_meta(config.start_from).critic_observation
     if before != config.critic_observation:
-        told = f"give --critic-observation {before}" if before else "leave out --critic-observation"
+        told = f"give --critic-observation {before or repr(before)}"
         raise CruiseError(f"the value network of policy {config.start_from!r} saw another observation: {told}")
 
 
