@@ -158,4 +158,4 @@ def test_adapters_are_as_their_vehicle_is_trained():
             assert chosen.stage == curriculum_of(VEHICLES[choice])[2]
             assert (chosen.observation, chosen.weights) == (usual.observation, usual.reward)
             assert (chosen.randomisation, chosen.limit) == (usual.randomisation, usual.episode_steps)
-            assert chosen.collision_distance == usual.collision_distance
+            assert chosen.collision_distance == (usual.collision_distance,)

@@ -55,7 +55,7 @@ def equal(a, b):
 
 
 def start_and_rules(env, team, gates=16):
-    return rollout._start(env, jax.random.key(2), (RACES,), None), team_rules(team, 0.25, gates, (RACES,))
+    return rollout.start_races(env, jax.random.key(2), (RACES,)), team_rules(team, 0.25, gates, (RACES,))
 
 
 def test_exact_for_any_chunk(env, team):

@@ -45,7 +45,7 @@ WITH_OTHERS = "--coordinator"  # waits for the other processes: tests/training/t
 # Commands that compile or solve for seconds. One line of each kind runs; lines that differ from it by these values
 # alone are parsed, and what they name is looked up.
 COSTLY = ("evaluate", "limit", "race", "train")
-LOGGED = "--log"  # what a later line of the page may read: always flown
+LOGGED, TRAINED = "--log", "--out"  # what a later line of the page may read: then it is always written
 VALUES = {"--vehicle", "--track", "--drones", "--episodes", "--seed", "--step-scale"}
 ELSEWHERE = {"sweep", "tune", "fly", "betaflight", "companion"}  # want Ray, a person, firmware, a drone
 
@@ -130,7 +130,7 @@ def _cruise(block: Block, arguments: list[str]) -> None:
     command = arguments[0]
     short = [word for word in arguments if word != "--open"]
     first = command not in COSTLY or (block.page, arguments) == _first_of_kinds()[_kind(arguments)]
-    if not first and LOGGED not in arguments:
+    if not first and not _is_read(block, arguments):
         _look_up(parse(short))
         return
     if WATCHED in short or WITH_OTHERS in short or ELSEWHERE & set(short):
@@ -145,6 +145,14 @@ def _cruise(block: Block, arguments: list[str]) -> None:
     assert code == 0, f"{block.page}:{block.line}: cruise {shlex.join(short)}: {said.getvalue()[-500:]}"
     for flag in (word for word in arguments if word.startswith("--") and short[-1] == "--help"):
         assert flag in said.getvalue(), f"{block.page}:{block.line}: {flag}"
+
+
+def _is_read(block: Block, arguments: list[str]) -> bool:
+    """Whether the page may go on with what a line writes: a log, or a run whose folder it names again."""
+    if TRAINED not in arguments:
+        return LOGGED in arguments
+    folder = arguments[arguments.index(TRAINED) + 1]
+    return (ROOT / block.page).read_text().count(folder) > 1
 
 
 def _kind(arguments: list[str]) -> frozenset[str]:

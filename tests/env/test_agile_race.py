@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from cruise.config import ObservationKind, Track, Vehicle
 from cruise.dynamics import DroneState, FreeBody, Parameters
 from cruise.dynamics.quadrotor import Memory
-from cruise.env.observation_body import CORNER_RANGE, NEAREST, OPPONENT_RANGE, SPEED_RANGE
+from cruise.env.observation_body import NEAREST, OPPONENT_RANGE, OUTDOORS
 from cruise.env.race_env import RaceEnv, make_race_env
 from cruise.env.surroundings import Conditions
 from cruise.env.types import RaceState, race_rules
@@ -77,7 +77,7 @@ def matrices(state: RaceState) -> np.ndarray:
 
 def test_the_corners_of_the_next_two_gates_are_where_they_are() -> None:
     state = random_race(2)
-    seen = np.asarray(race_env(2).observe(state))[:24].reshape(8, 3, 2, RACES) * CORNER_RANGE
+    seen = np.asarray(race_env(2).observe(state))[:24].reshape(8, 3, 2, RACES) * OUTDOORS.corner
     turn, position = matrices(state), np.asarray(state.drones.position_w)
     for ahead in range(2):
         for i in range(2):
@@ -96,7 +96,7 @@ def test_own_motion_is_seen_along_the_bodys_axes() -> None:
     state = random_race(2)
     seen, turn = np.asarray(race_env(2).observe(state)), matrices(state)
     velocity = np.einsum("neji,jne->ine", turn, np.asarray(state.drones.velocity_w))
-    np.testing.assert_allclose(seen[24:27] * SPEED_RANGE, velocity, atol=1e-4)
+    np.testing.assert_allclose(seen[24:27] * OUTDOORS.speed, velocity, atol=1e-4)
     np.testing.assert_allclose(seen[27:30], turn[:, :, 2].transpose(2, 0, 1), atol=1e-5)
     highest = np.array(RACER.airframe.rates.highest)[:, None, None]
     np.testing.assert_allclose(seen[30:33] * highest, state.drones.angular_velocity_b, atol=1e-4)
@@ -156,7 +156,7 @@ def test_the_nearest_three_are_seen_nearest_first(kind: ObservationKind) -> None
                 apart = np.linalg.norm(offset)
                 fading = np.interp(apart, [NOTICED / 2, NOTICED], [1, 0]) if kind == "body-near" else 1
                 expected = np.concatenate(
-                    [offset @ turn[i, e] / OPPONENT_RANGE, motion @ turn[i, e] / SPEED_RANGE, [1]]
+                    [offset @ turn[i, e] / OPPONENT_RANGE, motion @ turn[i, e] / OUTDOORS.speed, [1]]
                 )
                 np.testing.assert_allclose(got, np.clip(fading * expected, -3, 3), atol=1e-4)
 

@@ -181,7 +181,8 @@ def test_cluttered_variants_differ_in_tilt_and_solids_and_races_fly_them():
 @pytest.mark.parametrize("track", PUBLISHED_TRACKS.values(), ids=str)
 def test_published_tracks_are_sound(track):
     assert track_faults(track) == []
-    assert len({gate.width for gate in track.gates}) == 1
+    if track.name != "lsy-2":  # there the drone is a box, and what it leaves of an opening depends on how that stands
+        assert len({gate.width for gate in track.gates}) == 1
 
 
 def test_a_gate_may_be_flown_twice_a_lap_but_not_share_room_with_another():

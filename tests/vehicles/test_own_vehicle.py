@@ -39,7 +39,7 @@ def test_whoever_takes_a_vehicle_takes_a_file_a_name_and_an_object(heavy_file):
         assert match.vehicle == heavy
         assert {pilot.vehicle for pilot in match.team} == {heavy}
         chosen = choose(RaceOptions(drones=1, vehicle=choice, observation="body"), everybody_learns=False)
-        assert (chosen.vehicle, chosen.agility) == (heavy, heavy.agility)
+        assert (chosen.vehicle, chosen.agility) == (heavy, (heavy.agility,))
     assert make_match(RING, 1, "chaser", vehicle="racer").team[0].vehicle == "racer"
 
 
