@@ -234,6 +234,11 @@ class StartLine:
 Start = StartPlaces | StartLine
 
 
+def gates_to_finish(laps: int, gates: int, finish: str) -> int:
+    """Crossings that finish a race of so many laps of so many gates: the first one starts lap 1."""
+    return laps * gates + (finish == "first")
+
+
 @dataclass(frozen=True)
 class Track:
     """Gates in the order they are flown, repeated every lap, and what else stands there."""
@@ -256,7 +261,7 @@ class Track:
 
     def gates_to_finish(self, laps: int) -> int:
         """Crossings that finish a race of so many laps: the first one starts lap 1."""
-        return laps * len(self.gates) + (self.finish == "first")
+        return gates_to_finish(laps, len(self.gates), self.finish)
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from cruise.env.types import RaceState
 from cruise.evaluation.matches import Match
 from cruise.human.order import Happened, Order
 from cruise.pilots.human import Controls, HumanPilot
-from cruise.rollout import RunningRace, team_rules
+from cruise.rollout import RunningRace, start_races, team_rules
 from cruise.storage.race_log import RaceLog
 from cruise.storage.recorder import RaceInfo, race_logs
 from cruise.viewer.samples import quaternions
@@ -28,7 +28,7 @@ class LiveRace:
         gates = len(match.track.gates)
         self.people = [drone for drone, pilot in enumerate(match.team) if isinstance(pilot, HumanPilot)]
         start, flight = jax.random.split(jax.random.key(seed))
-        state = _start(self.env, start, None if match.track.start else 0)
+        state = start_races(self.env, start, BATCH, None if match.track.start else 0)
         rules = team_rules(match.team, match.vehicle.collision_distance, match.track.gates_to_finish(match.laps), BATCH)
         self.race = RunningRace(self.env, match.team, rules, state, flight)
         self._crew = next(i for i, crew in enumerate(self.race.crews) if isinstance(crew.pilot, HumanPilot))
@@ -88,11 +88,6 @@ class LiveRace:
         distance, aspect = vehicle.collision_distance, vehicle.collision_aspect
         info = RaceInfo(match.track, match.laps, [one.name for one in match.vehicles], distance, names, aspect)
         return race_logs(self.race.flight(self.race.steps), info)[0]
-
-
-@eqx.filter_jit
-def _start(env: RaceEnv, key: jax.Array, gate: int | None) -> RaceState:
-    return env.reset(key, BATCH, gate)
 
 
 @eqx.filter_jit

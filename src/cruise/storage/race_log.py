@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from cruise.config import gates_to_finish
 from cruise.errors import CruiseError, one_line
 from cruise.racing.events import COLLISIONS, EVENT_KINDS, EventKind
 from cruise.storage.atomic import read_bytes, write_atomically
@@ -99,7 +100,7 @@ class RaceLog:
     @property
     def gates_to_finish(self) -> int:
         """Crossings that finish the race: the first one starts lap 1."""
-        return self.laps * self.num_gates + (self.finish == "first")
+        return gates_to_finish(self.laps, self.num_gates, self.finish)
 
     def save(self, path: Path | str) -> None:
         """Write a `.npz` file whole or not at all; `numpy.load(path, allow_pickle=False)` reads it."""
