@@ -1,7 +1,7 @@
 """What a race and a training run are made of, as plain frozen data. Knows nothing of JAX."""
 
 import math
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields, replace
 from os import PathLike
 from typing import Literal
 
@@ -148,6 +148,11 @@ class Vehicle:
         return self.control in OWN_CONTROLS[self.flown_by]
 
     @property
+    def own(self) -> "Vehicle":
+        """The vehicle by what its own loop takes: itself where it is told directly."""
+        return self if self.told_directly else replace(self, control=OWN_CONTROLS[self.flown_by][0])
+
+    @property
     def action(self) -> Action:
         """What it is told at every control step, at its usual agility."""
         tracking, airframe = self.tracking, self.airframe
@@ -184,6 +189,11 @@ class Gate:
     roll: float = 0.0  # about the normal [rad]
     pitch: float = 0.0  # of the normal below the horizon [rad]
     shape: GateShape = "rectangle"
+
+    @property
+    def size(self) -> tuple[float, float]:
+        """Width and height of the opening, of a round one its diameter twice [m]."""
+        return self.width, self.width if self.shape == "round" else self.height
 
 
 @dataclass(frozen=True)

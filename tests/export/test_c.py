@@ -10,7 +10,7 @@ from cruise.errors import CruiseError
 from cruise.export import c_harness
 from cruise.export.c_harness import compiler, run_header
 from cruise.export.c_header import c_header, literal, prefix_of
-from tests.export.conftest import AGILE, KINDS, lost_others, policy_of
+from tests.export.conftest import AGILE, ATOL, KINDS, lost_others, policy_of
 
 needs_compiler = pytest.mark.skipif(compiler() is None, reason="no C compiler here")
 
@@ -21,10 +21,9 @@ def test_the_compiled_header_does_as_the_policy(kind, exporters, tmp_path):
     exporter = exporters(kind)
     header = c_header(exporter.policy, exporter.track, exporter.env, exporter.recording)
     run = run_header(header, prefix_of(exporter.policy), exporter.recording, tmp_path)
-    assert np.abs(run.action - exporter.recording.outputs["action"]).max() <= 1e-5
-    names = ("thrust", "body_rates_b") if kind in AGILE else ("acceleration_w",)
-    command = np.column_stack([exporter.recording.outputs[name] for name in names])
-    np.testing.assert_allclose(run.command, command, atol=1e-4)
+    for name, wanted in exporter.recording.said.items():
+        np.testing.assert_allclose(run.said[name], wanted, atol=ATOL[name], err_msg=name)
+    np.testing.assert_allclose(run.command, exporter.recording.commands, atol=1e-4)
     assert run.self_test <= 1e-5
 
 
@@ -41,7 +40,7 @@ float fly(float command[4]) {{
 STRICT = ("-O1", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-c", "-o", "caller.o")
 
 
-@pytest.mark.parametrize("kind", ["agile", "paper"])
+@pytest.mark.parametrize("kind", ["agile", "paper", "memory", "told"])
 @pytest.mark.parametrize("cc", ["gcc", "g++", "clang", "clang++"])
 def test_every_compiler_takes_the_header_without_a_warning(cc, kind, exporters, tmp_path):
     """As C99 and as C++17."""
@@ -51,7 +50,7 @@ def test_every_compiler_takes_the_header_without_a_warning(cc, kind, exporters, 
     prefix = prefix_of(exporter.policy)
     text = c_header(exporter.policy, exporter.track, exporter.env, exporter.recording)
     (tmp_path / "policy.h").write_text(text)
-    command = "command" if kind in AGILE else "acceleration"
+    command = "command" if kind in (*AGILE, "told") else "acceleration"
     source = "caller.cc" if cc.endswith("++") else "caller.c"
     (tmp_path / source).write_text(CALLER.format(p=prefix, P=prefix.upper(), command=command))
     standard = "-std=c++17" if cc.endswith("++") else "-std=c99"
@@ -60,7 +59,7 @@ def test_every_compiler_takes_the_header_without_a_warning(cc, kind, exporters, 
 
 
 @needs_compiler
-@pytest.mark.parametrize("kind", ["agile", "shipped", "paper"])
+@pytest.mark.parametrize("kind", ["agile", "shipped", "paper", "memory"])
 def test_sanitizers_find_nothing_and_who_left_the_air_may_be_anywhere(kind, exporters, tmp_path, monkeypatch):
     exporter = exporters(kind)
     lost = lost_others(exporter.recording)
@@ -68,7 +67,7 @@ def test_sanitizers_find_nothing_and_who_left_the_air_may_be_anywhere(kind, expo
     checks = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all")
     monkeypatch.setattr(c_harness, "FLAGS", (*c_harness.FLAGS, *checks))
     run = run_header(header, prefix_of(exporter.policy), lost, tmp_path)
-    assert np.abs(run.action - lost.outputs["action"]).max() <= 1e-5
+    assert np.abs(run.said["action"] - lost.outputs["action"]).max() <= 1e-5
 
 
 @needs_compiler

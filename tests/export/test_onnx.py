@@ -13,12 +13,14 @@ import cruise
 from cruise.errors import CruiseError
 from cruise.evaluation.pilot_choice import find_pilot, pilot_meta
 from cruise.export import files
+from cruise.export.c_harness import compiler, run_header
+from cruise.export.c_header import c_header, prefix_of
 from cruise.presets import TRACKS
 from cruise.racing.track_file import load_track
 from cruise.storage.onnx_file import read_contract
 from cruise.storage.policy_file import save_policy
 from cruise.storage.race_log import EventKind
-from tests.export.conftest import KINDS, lost_others, policy_of
+from tests.export.conftest import ATOL, KINDS, lost_others, policy_of, track_of
 
 
 @pytest.fixture(scope="module")
@@ -38,11 +40,11 @@ def test_the_whole_pilot_from_raw_state_to_action(kind, exporters, models):
     inputs = dict(recording.inputs, next_gate=recording.inputs["next_gate"].astype(np.int64))
     names = [port.name for port in read_contract(models[kind, "state"]).outputs]
     assert set(names) == set(recording.outputs)
-    action, *command = session.run(names, inputs)
-    assert np.abs(action - recording.outputs["action"]).max() <= 1e-5
-    assert (np.abs(recording.outputs["action"]) == 1).any()  # the clip is at work
-    for name, values in zip(names[1:], command, strict=True):
-        np.testing.assert_allclose(values, recording.outputs[name], atol=1e-4)
+    outputs = dict(zip(names, session.run(names, inputs), strict=True))
+    action = outputs["action"]
+    for name, wanted in recording.outputs.items():
+        np.testing.assert_allclose(outputs[name], wanted, atol=ATOL.get(name, 1e-4), err_msg=name)
+    assert (np.abs(action) == 1).any()  # the clip is at work
     one = {name: value if name.startswith("gate_") else value[5:6] for name, value in inputs.items()}
     np.testing.assert_allclose(session.run(["action"], one)[0], action[5:6], atol=1e-6)
 
@@ -50,9 +52,10 @@ def test_the_whole_pilot_from_raw_state_to_action(kind, exporters, models):
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_bare_network(kind, exporters, models):
     session = onnxruntime.InferenceSession(models[kind, "observation"])
-    recording = exporters(kind).recording
-    (action,) = session.run(None, {"observation": recording.observation})
-    assert np.abs(action - recording.network).max() <= 1e-5
+    inputs, wanted = exporters(kind).expected("observation")
+    assert {port.name for port in session.get_inputs()} == set(inputs)
+    for given, name in zip(session.run([*wanted], inputs), wanted, strict=True):
+        np.testing.assert_allclose(given, wanted[name], atol=1e-5, err_msg=name)
 
 
 @pytest.mark.parametrize("kind", ["shipped", "agile", "agile-near", "paper"])
@@ -162,19 +165,27 @@ def test_an_agile_file_flies_the_same_race_in_a_smaller_field(interface, models)
 
 @pytest.fixture(scope="module")
 def flown_in_jax(tmp_path_factory):
-    policy = policy_of("alone")
-    path = save_policy(tmp_path_factory.mktemp("policy") / "alone", policy.params, policy.meta)
-    return cruise.race("figure-eight", 1, path, laps=1, seed=2)
+    """Races of the policies themselves, by kind."""
+    folder = tmp_path_factory.mktemp("policy")
+
+    def flown(kind):
+        policy = policy_of(kind)
+        path = save_policy(folder / kind, policy.params, policy.meta)
+        return cruise.race(track_of(kind), KINDS[kind][1], path, laps=1, seed=2)
+
+    return {kind: flown(kind) for kind in ("alone", "told")}
 
 
 @pytest.mark.parametrize("interface", ["state", "observation"])
-def test_an_exported_file_flies_the_same_race(interface, models, flown_in_jax):
-    path = str(models["alone", interface])
-    flown = cruise.race("figure-eight", 1, path, laps=1, seed=2)
-    length = min(len(flown.time), len(flown_in_jax.time))
+@pytest.mark.parametrize("kind", ["alone", "told"])
+def test_an_exported_file_flies_the_same_race(kind, interface, models, flown_in_jax):
+    """What it has to be told of from step to step, its memory among it, is carried."""
+    path, wanted = str(models[kind, interface]), flown_in_jax[kind]
+    flown = cruise.race(track_of(kind), KINDS[kind][1], path, laps=1, seed=2)
+    length = min(len(flown.time), len(wanted.time), 100)
     assert length > 5
-    np.testing.assert_allclose(flown.position_w[:length], flown_in_jax.position_w[:length], atol=2e-3)
-    assert pilot_meta(path).drones == 1
+    np.testing.assert_allclose(flown.position_w[:length], wanted.position_w[:length], atol=2e-3)
+    assert pilot_meta(path).drones == KINDS[kind][1]
 
 
 def broken(tmp_path, models, change):
@@ -254,12 +265,34 @@ def test_policies_that_cannot_be_exported():
         files.Exporter.of(policy_of("agile-alone"), load_track("random"))
 
 
-@pytest.mark.parametrize("change", [{"pitch": 0.3}, {"roll": 0.3}, {"shape": "round"}])
-def test_gates_that_lean_or_are_round_are_refused(change, models):
-    """An exported model knows where a gate is and its heading; a gate that leans would be flown as an upright one."""
+def test_a_file_that_knows_upright_gates_alone_is_not_flown_through_others(models):
+    """A gate that leans would be flown as an upright one; a round one looks as its square does to every policy."""
     first, *rest = TRACKS["ring"].gates
-    track = dataclasses.replace(TRACKS["ring"], gates=(dataclasses.replace(first, **change), *rest))
-    with pytest.raises(CruiseError, match="'ring' has gates that lean or are round"):
-        files.Exporter.of(policy_of("shipped"), track)
-    with pytest.raises(CruiseError, match="knows upright rectangular gates alone"):
-        cruise.race(track, 4, str(models["shipped", "state"]), laps=1)
+    leaning, in_circles = (
+        dataclasses.replace(TRACKS["ring"], gates=(dataclasses.replace(first, **change), *rest))
+        for change in ({"pitch": 0.3}, {"shape": "round"})
+    )
+    with pytest.raises(
+        CruiseError, match=r"knows upright gates alone, and some here lean: .* \(cruise export --track\)"
+    ):
+        cruise.race(leaning, 4, str(models["shipped", "state"]), laps=1)
+    flown, wanted = (cruise.race(track, 4, str(models["shipped", "state"]), laps=1) for track in (in_circles, "ring"))
+    np.testing.assert_array_equal(flown.position_w[:20], wanted.position_w[:20])
+
+
+@pytest.mark.parametrize("model", ["onnx", "c"])
+def test_what_knows_leaning_gates_flies_through_upright_ones(model, exporters, models, tmp_path):
+    """By the same file, as the policy does that is told of no tilt."""
+    told, upright = exporters("told"), files.Exporter.of(policy_of("told"), TRACKS["ring"])
+    inputs, wanted = upright.expected("state")
+    assert "gate_tilt" not in inputs
+    if model == "onnx":
+        session = onnxruntime.InferenceSession(models["told", "state"])
+        (action,) = session.run(["action"], inputs | {"gate_tilt": np.zeros((5, 2), np.float32)})
+    elif compiler() is None:
+        pytest.skip("no C compiler here")
+    else:
+        header = c_header(told.policy, TRACKS["ring"], told.env, upright.recording)
+        assert "float tilt[2];" in header
+        action = run_header(header, prefix_of(told.policy), upright.recording, tmp_path).said["action"]
+    np.testing.assert_allclose(action, wanted["action"], atol=1e-5)

@@ -46,6 +46,7 @@ FUNCTIONS = {
     "looking up": lambda x, flags: x.take(jax.lax.top_k(x, 6)[1], mode="clip"),
     "matrices": lambda x, flags: (x.reshape(2, 3) @ x.reshape(3, 2)).ravel().repeat(2)[:6] + x[:3] @ x[3:],
     "network": lambda x, flags: BACK @ jnp.tanh(WEIGHT @ x + jnp.linspace(-1, 1, 20)),
+    "pieces": lambda x, flags: jnp.concatenate(jnp.split(x, 3)[::-1]),
     "memory": gru,
 }
 SHAPES = {"x": jax.ShapeDtypeStruct((6,), np.float32), "flags": jax.ShapeDtypeStruct((6,), np.bool_)}
@@ -122,7 +123,7 @@ def test_c(inputs, wanted, tmp_path):
         program = trace(lambda v, function=function: {"y": function(v["x"], v["flags"])}, SHAPES)
         out = run(arrays, program, {"x": leaves("x", FLOAT), "flags": leaves("flags", BOOL)})["y"]
         arrays.prefix = "p"
-        lines = statements(arrays, [(f"y[{i}]", node) for i, node in enumerate(out)])
+        lines = statements(arrays, {"y": out})
         calls.append(f"/* {name} */ {{\n" + "\n".join(lines) + "\nfwrite(y, sizeof y, 1, stdout);\n}")
         for table, values in arrays.constants.items():
             row = ", ".join(f"{value:.9e}f" for value in values.ravel())

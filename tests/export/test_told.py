@@ -59,6 +59,21 @@ def test_commands_are_what_the_vehicle_declares(exporter, tmp_path):
         np.testing.assert_allclose(run.command, wanted, atol=1e-4)
 
 
+@pytest.mark.parametrize("base", ["racer", "paper"])
+def test_a_place_to_fly_to_is_an_offset_in_metres(base, tmp_path):
+    """In the world's frame; what CRUISE's own loop makes of it goes into the next step, the policy's observation."""
+    vehicle = dataclasses.replace(VEHICLES[base], control="position")
+    exporter = Exporter.of(policy(vehicle, "ring", "body"), TRACKS["ring"])
+    recording, reach = exporter.recording, vehicle.tracking.reach
+    offset = np.column_stack([recording.outputs[f"offset_{axis}"] for axis in "xyz"])
+    np.testing.assert_allclose(offset, reach * recording.outputs["action"], atol=1e-5)
+    assert "previous_action" not in recording.inputs
+    assert recording.inputs["previous_tracking"].shape[1] == vehicle.own.action.size
+    assert exporter.onnx(tmp_path / "p.onnx").difference <= 1e-5
+    if compiler() is not None:
+        assert exporter.c(tmp_path / "p.h").difference <= 1e-5
+
+
 class Config:
     """What the controller reads of theirs."""
 
@@ -96,7 +111,7 @@ def test_the_controller_says_in_their_words_what_the_policy_does(controller, exp
             "gates_quat": gates,
             "obstacles_pos": np.array([pole.base_w for pole in TRACK.obstacles if isinstance(pole, Pole)]),
         }
-        one._previous = rows["previous_action"][row][None]
+        one._previous = {"previous_action": rows["previous_action"][row][None]}
         roll, pitch, yaw, newtons = one.compute_control(obs)
         wanted = {name: recording.outputs[name][row] for name in ("roll", "pitch", "yaw", "collective_thrust")}
         np.testing.assert_allclose([roll, pitch, yaw], [wanted[name] for name in ("roll", "pitch", "yaw")], atol=1e-4)
@@ -109,9 +124,6 @@ def test_the_controller_says_in_their_words_what_the_policy_does(controller, exp
 def test_who_cannot_be_exported_so_is_told_so(tmp_path, capsys):
     with pytest.raises(CruiseError, match="does not tell its vehicle 'racer' roll, pitch and yaw"):
         check_lsy(policy_of("agile-alone"))
-    by_velocity = dataclasses.replace(VEHICLES["paper"], control="velocity")
-    with pytest.raises(CruiseError, match="by velocity, a reference that is tracked"):
-        Exporter.of(policy(by_velocity, "figure-eight", "extended"), TRACKS["figure-eight"])
     saved = policy()
     save_policy(tmp_path / "policy", saved.params, saved.meta)
     assert main(["export", str(tmp_path / "policy.safetensors"), "--lsy", str(tmp_path / "c.txt")]) == 2

@@ -13,7 +13,7 @@ from cruise.pilots.foreign import wrap
 from cruise.presets import TRACKS, VEHICLES
 from cruise.racing.field import rows
 from cruise.rollout import fly, team_rules
-from cruise.storage.onnx_file import load_onnx_pilot
+from cruise.storage.onnx_pilot import load_onnx_pilot
 from tests.export.conftest import policy_of
 
 SIGMA, RACES, STEPS, SCALE = 0.1, 64, 3, 50.0

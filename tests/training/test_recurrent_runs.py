@@ -13,7 +13,6 @@ from cruise.config import PPOConfig, Randomisation, SelfPlayConfig, TrainConfig
 from cruise.env.surroundings import perceive
 from cruise.errors import CruiseError
 from cruise.evaluation.matches import make_match
-from cruise.export.files import Exporter
 from cruise.presets import TRACKS, VEHICLES
 from cruise.rollout import fly_from, team_rules
 from cruise.storage.checkpoint import load_checkpoint, save_checkpoint
@@ -163,12 +162,6 @@ def test_a_value_network_learns_on_from_what_it_saw(tmp_path):
         told = f"give --critic-observation {seen or repr(seen)}"
         with pytest.raises(CruiseError, match=told):
             initial_state(begun)
-
-
-def test_exports_say_that_they_have_no_memory(tmp_path):
-    path, _ = a_policy(tmp_path)
-    with pytest.raises(CruiseError, match="has a memory, which exported models do not have yet"):
-        Exporter.of(read_policy(path), TRACKS["ring"])
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,6 @@
 """A quadrotor with rotors, flown by collective thrust and body rates or attitude: loops, mixer, drag, battery, body."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -89,9 +88,8 @@ def make_quadrotor(vehicle: Vehicle, controller: FlightController = OWN_LAW) -> 
     It is told thrust and attitude where `vehicle.control` says so, thrust and body rates otherwise.
     """
     airframe = _airframe(vehicle)
-    told = vehicle if _by_attitude(vehicle) else replace(vehicle, control="ctbr")
     return Dynamics(
-        told.action,
+        vehicle.own.action,
         vehicle.control_dt,
         init=partial(standing, vehicle, controller=controller),
         step=partial(step, vehicle, controller=controller),

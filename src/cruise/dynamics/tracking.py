@@ -65,8 +65,8 @@ def demanded_force(
     """
     assert vehicle.airframe is not None
     drag = vehicle.airframe.drag.horizontal / vehicle.mass * state.velocity_w
-    force = demanded_acceleration(vehicle.tracking, state, reference) + drag
-    return within_thrust(force.at[2].add(vehicle.gravity), vehicle.gravity, agility)
+    x, y, z = demanded_acceleration(vehicle.tracking, state, reference) + drag
+    return within_thrust(jnp.stack([x, y, z + vehicle.gravity]), vehicle.gravity, agility)
 
 
 def towards(

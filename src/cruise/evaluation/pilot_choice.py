@@ -10,7 +10,8 @@ from cruise.pilots.base import Pilot
 from cruise.pilots.foreign import DEFAULT_BUDGET, wrap
 from cruise.pilots.loader import load_object, names_python
 from cruise.pilots.named import NAMED
-from cruise.storage.onnx_file import load_onnx_pilot, read_onnx_meta
+from cruise.storage.onnx_file import read_onnx_meta
+from cruise.storage.onnx_pilot import load_onnx_pilot
 from cruise.storage.policy_file import PolicyMeta, load_policy, read_meta
 
 PilotChoice = str | os.PathLike[str] | Pilot | Callable[..., Any]

@@ -33,7 +33,7 @@ static void read_row(const float *row, {p}_state *state) {{
     row = copy(state->velocity_w, row, 3);
     row = copy(state->{attitude}, row, {attitude_size});
     row = copy(state->angular_velocity_b, row, 3);
-    row = copy(state->previous_action, row, {P}_ACTION);
+    {read_previous}
     state->next_gate = (int)*row++;
 #if {P}_OTHERS > 0
     for (int k = 0; k < {P}_OTHERS; ++k) {{
@@ -47,15 +47,15 @@ static void read_row(const float *row, {p}_state *state) {{
 int main(int argc, char **argv) {{
     const size_t count = (size_t)atol(argv[1]);
     const double seconds = argc > 2 ? atof(argv[2]) : 0.0;
-    float row[10 + {attitude_size} + {P}_ACTION + 7 * {P}_OTHERS], result[{P}_ACTION + {command_size}];
+    float row[{row_size} + 7 * {P}_OTHERS], result[{said_size} + {command_size}];
     {p}_state *states = ({p}_state *)calloc(count, sizeof *states);
     if (states == NULL) return 1;
     for (size_t k = 0; k < count; ++k) {{
         if (fread(row, sizeof row, 1, stdin) != 1) return 1;
         read_row(row, &states[k]);
         {p}_act(&states[k], {p}_gates, {P}_GATES);
-        copy(result, states[k].action, {P}_ACTION);
-        {p}_{command}(&states[k], result + {P}_ACTION);
+        {write_said}
+        {p}_{command}(&states[k], result + {said_size});
         if (fwrite(result, sizeof result, 1, stdout) != 1) return 1;
     }}
     if (seconds > 0.0) {{
@@ -77,7 +77,7 @@ int main(int argc, char **argv) {{
 class CRun(NamedTuple):
     """What the compiled header gave for a recording."""
 
-    action: np.ndarray  # [M, A]
+    said: dict[str, np.ndarray]  # by name [M, ...], as `Recording.said`
     command: np.ndarray  # [M, C] what it commands, `Commands.ports` one after the other
     self_test: float  # largest difference that it finds itself
     seconds_per_call: float | None  # where it was measured
@@ -104,20 +104,27 @@ def run_header(header: str, prefix: str, recording: Recording, folder: Path, mea
     if done.returncode:
         raise CruiseError(f"the compiled header ended with {done.returncode}")
     result = np.frombuffer(done.stdout, np.float32).reshape(len(rows), -1)
-    size = recording.outputs["action"].shape[1]
+    ends = np.cumsum([rows.shape[1] for rows in recording.said.values()])
+    *said, command = np.split(result, ends, axis=1)
     *took, self_test = (float(word) for word in done.stderr.split())
-    return CRun(result[:, :size], result[:, size:], self_test, took[0] if took else None)
+    return CRun(dict(zip(recording.said, said, strict=True)), command, self_test, took[0] if took else None)
 
 
 def _names(recording: Recording) -> dict[str, str | int]:
     """What the state and what is commanded are called, and of how many numbers they are."""
     attitude = "attitude" if "attitude" in recording.inputs else "euler"
-    commanded = [values for name, values in recording.outputs.items() if name != "action"]
+    size, said, previous = recording.inputs[attitude].shape[1], recording.said, recording.previous
+    sizes = {name: rows.shape[1] for name, rows in (said | previous).items()}
+    ends = dict(zip(said, np.cumsum([0, *(sizes[name] for name in said)]).tolist(), strict=False))
     return {
         "attitude": attitude,
-        "attitude_size": recording.inputs[attitude].shape[1],
+        "attitude_size": size,
+        "row_size": 10 + size + sum(sizes[name] for name in previous),
+        "read_previous": "\n    ".join(f"row = copy(state->{name}, row, {sizes[name]});" for name in previous),
+        "write_said": "\n        ".join(f"copy(result + {ends[one]}, states[k].{one}, {sizes[one]});" for one in said),
+        "said_size": sum(sizes[name] for name in said),
         "command": "acceleration" if "acceleration_w" in recording.outputs else "command",
-        "command_size": sum(values[:1].size for values in commanded),
+        "command_size": recording.commands.shape[1],
     }
 
 
@@ -142,7 +149,7 @@ def input_rows(recording: Recording) -> np.ndarray:
     """[M, R] float32, as the harness reads them."""
     inputs = recording.inputs
     own = [port.name for port in OWN if port.name in inputs]
-    columns = [*(inputs[name] for name in own), inputs["previous_action"], inputs["next_gate"][:, None]]
+    columns = [*(inputs[name] for name in own), *recording.previous.values(), inputs["next_gate"][:, None]]
     if "others_position_w" in inputs:
         each = (inputs["others_position_w"], inputs["others_velocity_w"], inputs["others_airborne"][:, :, None])
         others = np.concatenate(each, axis=2)

@@ -16,15 +16,15 @@ from cruise.export.c_arrays import Arrays
 from cruise.export.c_expressions import BOOL, FLOAT, INT, leaf, literal
 from cruise.export.c_printer import statements
 from cruise.export.c_program import run
+from cruise.export.c_state import GATE, gate_rows, numbers_of, said_fields, sample_rows, start
 from cruise.export.parts import Parts, make_parts
 from cruise.export.pilot_program import make_model, ports_of, shapes_of_one
-from cruise.export.ports import OWN, POLES, Sizes, commands_of
+from cruise.export.ports import OWN, POLES, Sizes, commands_of, fed_back, said_ports
 from cruise.export.recording import Recording
 from cruise.export.trace import trace
-from cruise.storage.onnx_file import Port, first_action
+from cruise.storage.onnx_file import PREVIOUS, Port
 from cruise.storage.policy_file import Policy
 
-SAMPLES = 8  # of recorded flight, for the self test
 PER_LINE = 8
 
 
@@ -40,10 +40,11 @@ def c_header(policy: Policy, track: Track, env: RaceEnv, recording: Recording) -
     Raises:
         CruiseError: the policy has an operation that is not known here.
     """
-    meta, prefix, commands = policy.meta, prefix_of(policy), commands_of(env)
+    meta, prefix, commands = policy.meta, prefix_of(policy), commands_of(env.vehicle)
     ports = {port.name: port for port in make_model(policy, env, "state").inputs}
     own = [port for port in OWN if port.name in ports]
-    rows = sample_rows(recording)
+    said, previous = said_ports(policy, env), fed_back(said_ports(policy, env), env.vehicle)
+    fields, rows = [name for name in GATE if f"gate_{name}" in ports], sample_rows(recording)
     arrays = Arrays(prefix)
     bodies = _bodies(policy, env, arrays, ports)
     words: dict[str, Any] = {
@@ -64,17 +65,24 @@ def c_header(policy: Policy, track: Track, env: RaceEnv, recording: Recording) -
         if "any" in str(ports.get("others_position_w"))
         else "own number + 1 first and around",
         "gates": len(track.gates),
-        "observation": policy.params.actor.layers[0].in_features,
+        "observation": policy.params.shape.observation_size,
         "action": env.dynamics.action_size,
         "control_dt": literal(env.dynamics.control_dt),
         "agility": literal(meta.agility),
         "own": "\n".join(f"    float {port.name}[{port.shape[1]}]; /* {_said(port)} */" for port in own),
-        "gate_size": "    float size[2]; /* width and height of the opening [m] */\n" if "gate_size" in ports else "",
-        "start": _start(own, meta.drones - 1, first_action(meta)),
-        "gate_rows": "\n".join(_gate_rows(track, "gate_size" in ports)),
+        "gate_fields": "".join(
+            f"    float {name}[2]; /* {GATE[name]} */\n" for name in GATE if f"gate_{name}" in ports
+        ),
+        "start": start(own, meta.drones - 1, said, previous),
+        "gate_rows": "\n".join(gate_rows(track, fields)),
+        "sizes": "\n".join(f"#define {prefix.upper()}_{port.name.upper()} {numbers_of(port)}" for port in said[1:]),
+        "said": said_fields(prefix.upper(), said, previous),
+        **_network_words(prefix, "memory" in [port.name for port in said]),
+        "advance": "\n".join(_advance(prefix.upper(), port.name.removeprefix(PREVIOUS)) for port in previous),
+        "compared": "\n".join(_compared(prefix, port.name) for port in said if port.name != "tracking"),
         "command_name": commands.function,
         "command_array": commands.array,
-        "command_size": sum(_count(port) for port in commands.ports),
+        "command_size": sum(numbers_of(port) for port in commands.ports),
         "command_said": commands.said,
         "tables": "\n".join(_table(name, values) for name, values in arrays.constants.items()),
         "samples": len(rows),
@@ -88,24 +96,20 @@ def _said(port: Port) -> str:
     return f"{port.meaning} [{port.unit}]" if port.unit else port.meaning
 
 
-def _count(port: Port) -> int:
-    """Numbers of one drone."""
-    return int(np.prod([int(axis) for axis in port.shape[1:]]))
-
-
 def _bodies(policy: Policy, env: RaceEnv, arrays: Arrays, ports: dict[str, Port]) -> dict[str, list[str]]:
     """Lines of the header's functions, traced one by one for one drone."""
     parts, meta = make_parts(policy, env), policy.meta
     gates = ports["gate_yaw"].shape[0]
     given = ports_of(policy, env, Sizes(meta.drones - 1, int(gates) if gates.isdigit() else gates))
     state = shapes_of_one(tuple(port for port in given if port.name != POLES))  # a header has those of its track
-    size, actions = int(policy.params.actor.layers[0].in_features), env.dynamics.action_size
+    size, actions = policy.params.shape.observation_size, env.dynamics.action_size
     seen, said = (jax.ShapeDtypeStruct((number,), np.float32) for number in (size, actions))
+    memory = {name: shape for name, shape in state.items() if name == "previous_memory"}
     functions = {
         "observe": (lambda values: {"observation": parts.observe(values)}, state),
-        "network": (lambda values: {"action": parts.network(values["observation"])}, {"observation": seen}),
-        "decode": (lambda values: {"state->action": parts.decode(values, values["said"])}, state | {"said": said}),
-        "command": (lambda values: _commanded(parts, values, commands_of(env).array), state | {"action": said}),
+        "network": (parts.network, {"observation": seen} | memory),
+        "decode": (lambda values: _of_state(parts.decode(values, values["said"])), state | {"said": said}),
+        "command": (lambda values: _commanded(parts, values, commands_of(env.vehicle).array), state | {"action": said}),
     }
     layout = env.layout(meta.observation)
     first, comments = 0, {}
@@ -118,6 +122,10 @@ def _bodies(policy: Policy, env: RaceEnv, arrays: Arrays, ports: dict[str, Port]
     }
 
 
+def _of_state(values: dict[str, Any]) -> dict[str, Any]:
+    return {f"state->{name}": value for name, value in values.items()}
+
+
 def _commanded(parts: Parts, values: dict[str, Any], name: str) -> dict[str, Any]:
     commanded = parts.command(values, values["action"])
     return {name: jnp.concatenate([jnp.atleast_1d(value) for value in commanded.values()])}
@@ -128,8 +136,9 @@ def _body(arrays: Arrays, function: Any, shapes: dict[str, Any], comments: dict[
     inputs = {key: _leaves(key, shape.shape) for key, shape in shapes.items()}
     if name == "command":
         inputs["action"] = _leaves("state->action", (shapes["action"].shape))
-    ((target, nodes),) = run(arrays, program, inputs).items()
-    lines = statements(arrays, [(f"{target}[{i}]", node) for i, node in enumerate(nodes)], comments)
+    if name == "network" and "previous_memory" in shapes:
+        inputs["previous_memory"] = _nodes(["previous_memory[@]"], FLOAT)
+    lines = statements(arrays, run(arrays, program, inputs), comments)
     text = "\n".join(lines)
     unused = [f"(void){word};" for word in ("gates", "num_gates") if name == "observe" and word not in text]
     return [f"    {line}" for line in [*unused, *lines]]
@@ -164,11 +173,6 @@ def _comment(text: str) -> str:
     return "".join(c if c.isprintable() else " " for c in text).replace("*/", "* /").replace("/*", "/ *")
 
 
-def braces(values: Any) -> str:
-    """An initialiser."""
-    return "{" + ", ".join(literal(value) for value in np.asarray(values).ravel().tolist()) + "}"
-
-
 def _table(name: str, values: np.ndarray) -> str:
     numbers = [literal(value) for value in values.ravel().tolist()]
     lines = (", ".join(numbers[k : k + PER_LINE]) for k in range(0, len(numbers), PER_LINE))
@@ -176,37 +180,22 @@ def _table(name: str, values: np.ndarray) -> str:
     return f"static const float {name}[{len(numbers)}] = {{\n    {body}\n}};"
 
 
-def _gate_rows(track: Track, sizes: bool) -> list[str]:
-    rows = []
-    for gate in track.gates:
-        size = f", {braces((gate.width, gate.height))}" if sizes else ""
-        rows.append(f"    {{{braces(gate.position_w)}, {literal(gate.yaw)}{size}}},")
-    return rows
+def _network_words(prefix: str, remembers: bool) -> dict[str, str]:
+    """Arguments of the bare network, where it is declared and where it is called."""
+    size = f"{prefix.upper()}_MEMORY"
+    return {
+        "network_in": f", const float previous_memory[{size}]" if remembers else "",
+        "network_out": f", float memory[{size}]" if remembers else "",
+        "network_given": ", state->previous_memory" if remembers else "",
+        "network_filled": ", state->memory" if remembers else "",
+    }
 
 
-def _start(own: list[Port], others: int, first: tuple[float, ...]) -> str:
-    at_rest = {"attitude": (1.0, 0.0, 0.0, 0.0)}
-    fields = [braces(at_rest.get(port.name, (0.0,) * _count(port))) for port in own]
-    nobody = f"{{{braces((0.0,) * 3)}, {braces((0.0,) * 3)}, 0}}"
-    seen = [f"{{{', '.join([nobody] * others)}}}"] if others else []
-    return "{" + ", ".join([*fields, "0", *seen, braces((0.0,) * len(first)), braces(first)]) + "}"
+def _advance(prefix: str, name: str) -> str:
+    each = f"state->{PREVIOUS}{name}[i] = state->{name}[i];"
+    return f"    for (int i = 0; i < {prefix}_{name.upper()}; ++i) {each}"
 
 
-def sample_rows(recording: Recording) -> list[str]:
-    """Some recorded states, with the actions that were flown, as initialisers of `state`."""
-    count = len(recording.outputs["action"])
-    chosen = np.unique(np.linspace(0, count - 1, min(SAMPLES, count)).astype(int)).tolist()
-    return [f"        {state_initialiser(recording, row)}," for row in chosen]
-
-
-def state_initialiser(recording: Recording, row: int) -> str:
-    """One recorded state."""
-    inputs = recording.inputs
-    fields = [braces(inputs[port.name][row]) for port in OWN if port.name in inputs]
-    fields.append(str(int(inputs["next_gate"][row])))
-    if "others_airborne" in inputs:
-        others = zip(*(inputs[f"others_{name}"][row] for name in ("position_w", "velocity_w", "airborne")), strict=True)
-        each = ", ".join(f"{{{braces(place)}, {braces(velocity)}, {int(here)}}}" for place, velocity, here in others)
-        fields.append(f"{{{each}}}")
-    fields += [braces(recording.outputs["action"][row]), braces(inputs["previous_action"][row])]
-    return "{" + ", ".join(fields) + "}"
+def _compared(prefix: str, name: str) -> str:
+    size = f"{prefix.upper()}_{name.upper()}"
+    return f"        worst = {prefix}_apart(state.{name}, recorded[k].{name}, {size}, worst);"

@@ -1,35 +1,41 @@
 """Expressions as the statements of a C function, each written once, before its first use."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 
 from cruise.export.c_arrays import Arrays, Filled, Product
 from cruise.export.c_expressions import ATOM, LONGEST, NAMES, Node, Text, written
 
-Target = tuple[str, Node]  # what is assigned, and what to it
+WRITTEN_OUT = 16  # places of the longest array that is filled without a loop
+Targets = Mapping[str, Collection[Node]]  # arrays that are assigned to, and what to their places
 
 
-def statements(arrays: Arrays, targets: Sequence[Target], comments: Mapping[int, str] | None = None) -> list[str]:
-    """Lines of a function that assigns to every target, in order; comments by the number of the target."""
+def statements(arrays: Arrays, targets: Targets, comments: Mapping[int, str] | None = None) -> list[str]:
+    """Lines of a function that fills every target, in order; comments by the number of a place."""
     writer = _Writer(arrays, targets)
-    for number, (name, node) in enumerate(targets):
-        said = (comments or {}).get(number)
-        writer.assign(name, node, said)
+    for name, nodes in targets.items():
+        writer.fill(name, list(nodes), comments or {})
     return writer.lines
 
 
 class _Writer:
-    def __init__(self, arrays: Arrays, targets: Sequence[Target]) -> None:
+    def __init__(self, arrays: Arrays, targets: Targets) -> None:
         self.arrays, self.lines = arrays, list[str]()
         self.named: dict[Node, Text] = {}
         self.filled: dict[str, str] = {}  # arrays that are there, by name, and what C calls them
         self.uses: dict[Node, int] = {}
-        self._count(node for _, node in targets)
+        self._count(node for nodes in targets.values() for node in nodes)
 
-    def assign(self, name: str, node: Node, comment: str | None) -> None:
-        text = self._text(node)
-        if comment:
-            self.lines.append(f"/* {comment} */")
-        self.lines.append(f"{name} = {text.text};")
+    def fill(self, name: str, nodes: list[Node], comments: Mapping[int, str]) -> None:
+        source = _whole_array(nodes)
+        if len(nodes) > WRITTEN_OUT and source in self.arrays.arrays:
+            loop = f"for (int i = 0; i < {len(nodes)}; ++i)"
+            self.lines.append(f"{loop} {name}[i] = {self._array(source)}[i];")
+            return
+        for place, node in enumerate(nodes):
+            text = self._text(node)
+            if place in comments:
+                self.lines.append(f"/* {comments[place]} */")
+            self.lines.append(f"{name}[{place}] = {text.text};")
 
     def _count(self, nodes: Iterable[Node]) -> None:
         """How often each is read, by what the targets need."""
@@ -106,9 +112,9 @@ class _Writer:
         self.lines.append(f"{self.arrays.prefix}_product({product.weight}, {sizes}, {vector}, {product.name});")
 
     def _fill(self, array: Filled) -> None:
-        first = array.nodes[0].text.split("[")[0]
-        if [node.text for node in array.nodes] == [f"{first}[{i}]" for i in range(array.size)]:
-            self.filled[array.name] = first  # it is there already
+        known = _whole_array(array.nodes)
+        if known and len(array.nodes) in (array.size, array.nodes[0].index):
+            self.filled[array.name] = known  # it is there already
             return
         if len(array.nodes) == 1 and array.size > 1:
             inner: list[str] = []
@@ -121,3 +127,10 @@ class _Writer:
             texts = [self._text(node).text for node in array.nodes]
             self.lines.append(f"const float {array.name}[{array.size}] = {{{', '.join(texts)}}};")
         self.filled[array.name] = array.name
+
+
+def _whole_array(nodes: Sequence[Node]) -> str:
+    """The array of C whose places these are, all in order or with the open index; none: nothing."""
+    name = nodes[0].text.split("[")[0]
+    places = ["@"] if nodes[0].index else range(len(nodes))
+    return name if [node.text for node in nodes] == [f"{name}[{place}]" for place in places] else ""

@@ -22,18 +22,7 @@ def export_env(policy: Policy, track: Track) -> RaceEnv:
             f"{track.name!r} is another track in every race: choose the one that the export of {meta.name!r} is "
             "compared on (--track)"
         )
-    if any(gate.roll or gate.pitch or gate.shape != "rectangle" for gate in track.gates):
-        raise CruiseError(
-            f"{track.name!r} has gates that lean or are round, which exported models do not know: choose a track of "
-            "upright rectangles (--track)"
-        )
-    vehicle = find_vehicle(meta.vehicle)
-    if not vehicle.told_directly:  # what its tracking loop remembers is no input of an exported model
-        raise CruiseError(
-            f"policy {meta.name!r} flies vehicle {vehicle.name!r} by {vehicle.control}, a reference that is tracked: "
-            "exported are those that say what its own loop takes"
-        )
-    env = make_race_env(track, meta.drones, vehicle, meta.observation)
+    env = make_race_env(track, meta.drones, find_vehicle(meta.vehicle), meta.observation)
     policy.pilot().init(env, tuple(range(meta.drones)), standing(env))
     return env
 
@@ -46,7 +35,7 @@ def standing(env: RaceEnv) -> Any:
 def make_contract(policy: Policy, track: Track, env: RaceEnv, interface: Interface, model: Model) -> Contract:
     """The contract of a policy."""
     meta = policy.meta
-    size = int(policy.params.actor.layers[0].in_features)
+    size = policy.params.shape.observation_size
     layout = env.layout(meta.observation)
     entries, first = [], 0
     for entry in layout:
@@ -61,5 +50,5 @@ def make_contract(policy: Policy, track: Track, env: RaceEnv, interface: Interfa
         inputs=model.inputs,
         outputs=model.outputs,
         observation=tuple(entries),
-        gates=tuple(ExportedGate(gate.position_w, gate.yaw, gate.width, gate.height) for gate in track.gates),
+        gates=tuple(ExportedGate(gate.position_w, gate.yaw, *gate.size, gate.roll, gate.pitch) for gate in track.gates),
     )

@@ -17,13 +17,14 @@ from cruise.export.c_header import c_header, prefix_of
 from cruise.export.contract import export_env, make_contract
 from cruise.export.lsy import check_lsy, lsy_controller
 from cruise.export.onnx_policy import onnx_model
-from cruise.export.pilot_program import make_model
+from cruise.export.pilot_program import Model, make_model
 from cruise.export.recording import Recording, record
 from cruise.storage.atomic import write_atomically
-from cruise.storage.onnx_file import Interface, load_runtime
+from cruise.storage.onnx_file import PREVIOUS, Interface, load_runtime
 from cruise.storage.policy_file import Policy
 
 TOLERANCE = 1e-5  # of actions, which are in [-1, 1]
+COARSER = {"tracking": 10.0}  # what is made of the action by gains
 CALLS = 2000  # measured
 
 StrPath = str | os.PathLike[str]
@@ -47,15 +48,17 @@ class Exporter:
     policy: Policy
     track: Track
     env: RaceEnv
-    recording: Recording
+    model: Model  # the whole pilot
+    recording: Recording  # of what goes into that
 
     @classmethod
     def of(cls, policy: Policy, track: Track) -> "Exporter":
         """Record the races. Raises CruiseError where the policy cannot be exported, or does not fit the track."""
-        if policy.params.has_memory:
-            raise CruiseError(f"policy {policy.meta.name!r} has a memory, which exported models do not have yet")
         env = export_env(policy, track)
-        return cls(policy, track, env, record(env, policy.pilot()))
+        model, recording = make_model(policy, env, "state"), record(env, policy.pilot())
+        inputs = {port.name: recording.inputs[port.name] for port in model.inputs}
+        outputs = {port.name: recording.outputs[port.name] for port in model.outputs}
+        return cls(policy, track, env, model, recording._replace(inputs=inputs, outputs=outputs))
 
     def onnx(self, path: StrPath, interface: Interface = "state", measure: bool = False) -> Exported:
         """Write an ONNX model.
@@ -82,17 +85,17 @@ class Exporter:
         """
         check_lsy(self.policy)
         model, difference = self._compared("state")
-        data = lsy_controller(self.policy, self.track, model).encode()
+        data = lsy_controller(self.policy, self.track, self.model.inputs, model).encode()
         write_atomically(Path(path), data)
         return Exported(Path(path), len(data), difference, len(self.recording.observation), None)
 
     def _compared(self, interface: Interface) -> tuple[bytes, float]:
         """An ONNX model and how far it is from the policy. Raises CruiseError where that is too far."""
-        model = make_model(self.policy, self.env, interface)
+        model = self.model if interface == "state" else make_model(self.policy, self.env, interface)
         data = onnx_model(model, make_contract(self.policy, self.track, self.env, interface, model))
         session = load_runtime().InferenceSession(data, providers=["CPUExecutionProvider"])
         inputs, wanted = self.expected(interface)
-        difference = _difference(session.run(["action"], inputs)[0], wanted["action"])
+        difference = _difference(dict(zip(wanted, session.run([*wanted], inputs), strict=True)), wanted)
         _require_equal(difference, "the ONNX model")
         return data, difference
 
@@ -111,22 +114,25 @@ class Exporter:
         if compiler() is not None or measure:
             with tempfile.TemporaryDirectory() as folder:
                 run = run_header(header, prefix_of(self.policy), self.recording, Path(folder), measure)
-            difference, seconds = _difference(run.action, self.recording.outputs["action"]), run.seconds_per_call
+            difference, seconds = _difference(run.said, self.recording.said), run.seconds_per_call
             _require_equal(difference, "the C header")
         data = header.encode()
         write_atomically(Path(path), data)
         return Exported(Path(path), len(data), difference, len(self.recording.observation), seconds)
 
     def expected(self, interface: Interface) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-        """What goes into the model, and what must come out, row by row."""
+        """What goes into the model, and what must come out, commands apart, row by row."""
+        recording = self.recording
         if interface == "observation":
-            return {"observation": self.recording.observation}, {"action": self.recording.network}
-        inputs = dict(self.recording.inputs)
-        return inputs | {"next_gate": inputs["next_gate"].astype(np.int64)}, self.recording.outputs
+            memory = {name: recording.outputs[name] for name in ("memory",) if name in recording.outputs}
+            before = {f"{PREVIOUS}{name}": recording.inputs[f"{PREVIOUS}{name}"] for name in memory}
+            return {"observation": recording.observation} | before, {"action": recording.network} | memory
+        inputs = dict(recording.inputs)
+        return inputs | {"next_gate": inputs["next_gate"].astype(np.int64)}, recording.said
 
 
-def _difference(given: np.ndarray, wanted: np.ndarray) -> float:
-    return float(np.abs(given - wanted).max())
+def _difference(given: dict[str, np.ndarray], wanted: dict[str, np.ndarray]) -> float:
+    return max(float(np.abs(given[name] - rows).max()) / COARSER.get(name, 1.0) for name, rows in wanted.items())
 
 
 def _require_equal(difference: float, what: str) -> None:

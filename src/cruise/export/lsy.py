@@ -8,6 +8,7 @@ from string import Template
 from cruise import __version__
 from cruise.config import Track, Vehicle
 from cruise.errors import CruiseError
+from cruise.storage.onnx_file import Port
 from cruise.storage.policy_file import Policy
 from cruise.vehicles import find_vehicle
 
@@ -34,17 +35,17 @@ def _wrong(vehicle: Vehicle, drones: int) -> str:
     return "" if abs(vehicle.control_dt - CONTROL_DT) < 1e-9 else f"is asked every {vehicle.control_dt:g} s"
 
 
-def lsy_controller(policy: Policy, track: Track, model: bytes) -> str:
-    """The file: `model` is the whole pilot as an ONNX model, in text."""
+def lsy_controller(policy: Policy, track: Track, inputs: tuple[Port, ...], model: bytes) -> str:
+    """The file: `model` is the whole pilot as an ONNX model, in text, with these inputs."""
     vehicle = find_vehicle(policy.meta.vehicle)
     template = resources.files("cruise.export").joinpath("lsy_files", "controller.py.in").read_text(encoding="utf-8")
     words = {
         "name": repr(policy.meta.name),
         "version": __version__,
         "track": repr(track.name),
-        "neutral": repr(list(vehicle.action.neutral)),
+        "first": repr({port.name: port.first for port in inputs if port.first}),
         "mass": repr(vehicle.mass),
-        "sizes": repr([[gate.width, gate.height] for gate in track.gates]),
+        "sizes": repr([gate.size for gate in track.gates]),
         "model": "\n".join(textwrap.wrap(base64.b64encode(model).decode(), 116)),
     }
     return Template(template).substitute(words)

@@ -11,7 +11,7 @@ from jaxtyping import Array
 from cruise.env.race_env import RaceEnv
 from cruise.env.surroundings import MovedGates, Surroundings
 from cruise.env.types import RaceState
-from cruise.export.ports import POLES, command
+from cruise.export.ports import POLES, command, own_dynamics, tracking
 from cruise.export.trace import own
 from cruise.storage.policy_file import Policy
 
@@ -24,22 +24,35 @@ class Parts(NamedTuple):
     """What a pilot does from state to command, one after the other."""
 
     observe: Callable[[Values], Array]  # -> observation [O]
-    network: Callable[[Array], Array]  # -> what the network says [A], in the frame of the observation
-    decode: Callable[[Values, Array], Array]  # -> action [A] of the vehicle, in [-1, 1]
+    network: Callable[[Values], Values]  # observation and previous_memory -> action in the frame of the first, memory
+    decode: Callable[[Values, Array], Values]  # what the network says -> action [A] of the vehicle in [-1, 1], tracking
     command: Callable[[Values, Array], Values]  # -> what the action commands
+
+    def whole(self, values: Values) -> Values:
+        """All of it: the outputs of the pilot."""
+        said = self.network(values | {"observation": self.observe(values)})
+        said |= self.decode(values, said["action"])
+        return said | self.command(values, said["action"])
 
 
 def make_parts(policy: Policy, env: RaceEnv) -> Parts:
-    """The functions of a policy. A network with a memory would take and give its carry here and be ports of its own."""
+    """The functions of a policy."""
     kind, agility = policy.meta.observation, policy.meta.agility
 
-    def decode(values: Values, said: Array) -> Array:
-        action = env.decode_as[kind](_race(env, agility, values), said[:, None], (0,))
-        return jnp.clip(own(action), -1.0, 1.0)
+    def network(values: Values) -> Values:
+        memory, action = policy.params.apply(values.get("previous_memory", ()), values["observation"])
+        return {"action": action} | ({"memory": memory} if policy.params.has_memory else {})
+
+    def decode(values: Values, said: Array) -> Values:
+        race = _race(env, agility, values)
+        action = jnp.clip(own(env.decode_as[kind](race, said[:, None], (0,))), -1.0, 1.0)
+        alone = jax.tree.map(lambda table: table[:, :1], race.drones._replace(memory=()))
+        inner = tracking(env.vehicle, alone, action[:, None], agility)
+        return {"action": action} | {name: own(value) for name, value in inner.items()}
 
     return Parts(
         observe=lambda values: own(env.observe_as[kind](_race(env, agility, values))),
-        network=policy.params.mean_action,
+        network=network,
         decode=decode,
         command=lambda values, action: command(env, agility, values, action),
     )
@@ -81,7 +94,11 @@ def _race(env: RaceEnv, agility: float, values: Values) -> RaceState:
     here = jnp.ones((1, *batch[1:]), bool)
     if "others_airborne" in values:
         here = jnp.concatenate([here, values["others_airborne"]])
-    flown = env.dynamics.step(drones, _for_all(values["previous_action"], batch), agility)
+    vehicle = env.vehicle
+    dynamics, before = (
+        (env.dynamics, "previous_action") if vehicle.told_directly else (own_dynamics(vehicle), "previous_tracking")
+    )
+    flown = dynamics.step(drones, _for_all(values[before], batch), agility)
     drones = drones._replace(body=type(drones.body)(**body), memory=flown.memory)
     none = jnp.zeros(batch, jnp.int32)
     return RaceState(
@@ -113,4 +130,8 @@ def _gates(env: RaceEnv, values: Values) -> MovedGates:
     if solids is not None and POLES in values:
         solids = {**solids, "pole": jnp.concatenate([values[POLES], solids["pole"][3:]])}
     normal = jnp.stack([jnp.cos(yaw), jnp.sin(yaw)])
-    return MovedGates(values["gate_position_w"], normal, values["gate_size"] / 2, solids=solids)
+    tilt = None
+    if "gate_tilt" in values:
+        roll, pitch = values["gate_tilt"]
+        tilt = jnp.stack([jnp.cos(pitch), jnp.sin(pitch), jnp.cos(roll), jnp.sin(roll)])
+    return MovedGates(values["gate_position_w"], normal, values["gate_size"] / 2, tilt, solids)

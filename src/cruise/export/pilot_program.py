@@ -11,7 +11,16 @@ from jaxtyping import Array
 
 from cruise.env.race_env import RaceEnv
 from cruise.export.parts import LEAST_OTHERS, Parts, Values, make_parts, nearest_others
-from cruise.export.ports import Sizes, command_ports, network_action, observation_port, state_ports
+from cruise.export.ports import (
+    WHERE_NEEDED,
+    Sizes,
+    fed_back,
+    memory_ports,
+    network_action,
+    observation_port,
+    output_ports,
+    state_ports,
+)
 from cruise.export.program import Program
 from cruise.export.trace import trace
 from cruise.storage.onnx_file import Interface, Port
@@ -32,11 +41,12 @@ def make_model(policy: Policy, env: RaceEnv, interface: Interface) -> Model:
     """The pilot for any number B of drones at once."""
     parts = make_parts(policy, env)
     if interface == "observation":
-        inputs = (observation_port(int(policy.params.actor.layers[0].in_features)),)
-        network = trace(lambda values: {"action": parts.network(values["observation"].T).T}, shapes(inputs))
-        return Model(inputs, (network_action(policy.meta.observation, env),), network)
+        memory = memory_ports(policy)
+        inputs = (observation_port(policy.params.shape.observation_size), *fed_back(memory, env.vehicle))
+        network = trace(lambda values: components_first(parts.network(components_first(values))), shapes(inputs))
+        return Model(inputs, (network_action(policy.meta.observation, env), *memory), network)
     ports, program = max_freedom(policy, env, parts)
-    return Model(ports, command_ports(env), program)
+    return Model(ports, output_ports(policy, env), program)
 
 
 def max_freedom(policy: Policy, env: RaceEnv, parts: Parts) -> tuple[tuple[Port, ...], Program]:
@@ -50,14 +60,15 @@ def max_freedom(policy: Policy, env: RaceEnv, parts: Parts) -> tuple[tuple[Port,
             if sizes.gates == "G":
                 continue
             raise
-        return tuple(port for port in ports if port.name != "gate_size" or port.name in program.used), program
+        used = program.used
+        return tuple(port for port in ports if port.name not in WHERE_NEEDED or port.name in used), program
     raise AssertionError
 
 
 def ports_of(policy: Policy, env: RaceEnv, sizes: Sizes) -> tuple[Port, ...]:
     """What goes into the whole pilot."""
     start = jax.eval_shape(env.reset, jax.random.key(0))
-    return state_ports(policy.meta, env, start.drones.body._fields, sizes)
+    return state_ports(policy, env, start.drones.body._fields, sizes)
 
 
 def shapes(ports: tuple[Port, ...]) -> dict[str, jax.ShapeDtypeStruct]:
@@ -87,8 +98,7 @@ def components_first(inputs: Values) -> Values:
 def _whole(parts: Parts, nearest: int | None, inputs: Values) -> Values:
     """[B, ...] of every drone; all of them see the same gates. Of any number of others the `nearest` count."""
     values = components_first(inputs if nearest is None else nearest_others(inputs, nearest))
-    action = parts.decode(values, parts.network(parts.observe(values)))
-    return components_first({"action": action} | parts.command(values, action))
+    return components_first(parts.whole(values))
 
 
 def _sizes(policy: Policy, env: RaceEnv, parts: Parts) -> Iterator[Sizes]:

@@ -68,6 +68,8 @@ class _Flat:
         if constant and all(map(_of_known_size, equation.outvars)):
             values = equation.primitive.bind(*inputs, **params)
             return map(np.asarray, values if equation.primitive.multiple_results else [values])
+        if name == "split":
+            return self._pieces(inputs[0], map(int, params["sizes"]), params["axis"])
         if name == "gather" and isinstance(inputs[1], np.ndarray) and inputs[1].ndim == 1:
             return [self._part(inputs[0], inputs[1], params)]
         return self._append(name, inputs, [Var(var.aval.shape, var.aval.dtype) for var in equation.outvars], params)
@@ -76,6 +78,16 @@ class _Flat:
         plainly = {key: value.item() if isinstance(value, np.integer) else value for key, value in params.items()}
         self.equations.append(Equation(name, inputs, tuple(outputs), plainly))
         return outputs
+
+    def _pieces(self, table: Atom, sizes: Iterable[int], axis: int) -> Iterable[Var]:
+        """What lies one after the other along an axis is as many slices."""
+        first, limit = [0] * table.ndim, list(table.shape)
+        for size in sizes:
+            limit[axis] = first[axis] + size
+            shape = (*table.shape[:axis], size, *table.shape[axis + 1 :])
+            cut = {"start_indices": tuple(first), "limit_indices": tuple(limit), "strides": None}
+            yield from self._append("slice", (table,), [Var(shape, table.dtype)], cut)
+            first[axis] = limit[axis]
 
     def _part(self, table: Atom, where: np.ndarray, params: dict[str, Any]) -> Var:
         """A look-up at a place that is known is a slice."""
