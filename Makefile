@@ -70,7 +70,7 @@ CLIENTS.torch := stable-baselines3==2.9.2 sb3-contrib==2.9.2 sbx-rl==0.28.0 skrl
 CLIENTS.tianshou := tianshou==2.0.1
 CLIENTS.rllib := 'ray[rllib]==2.60.0'
 CLIENTS.agile := agilerl==2.7.1
-CLIENTS.jaxmarl := jaxmarl==0.2.0 distrax==0.1.9 hydra-core==1.3.8 wandb==0.31.0
+CLIENTS.jaxmarl := jaxmarl==0.2.0 gymnax==1.0.1 distrax==0.1.9 hydra-core==1.3.8 wandb==0.31.0
 CLIENT_GROUPS := torch tianshou rllib agile jaxmarl
 
 clients: $(CLIENT_GROUPS:%=.venv-clients-%/.installed)

@@ -121,9 +121,14 @@ def test_one_learner_as_gymnax_has_it():
     env = cruise.make("ring", opponents=["chaser"], layout="single", episode_steps=2)
     seen, state = env.reset(jax.random.PRNGKey(0), env.default_params)
     assert seen.shape == env.observation_space(env.default_params).shape
-    seen, state, reward, done, info = env.step(jax.random.PRNGKey(1), state, jnp.zeros(3), env.default_params)
-    assert (seen.ndim, reward.shape, bool(done)) == (1, (), False)
-    assert info["final_observation"].shape == (1, *seen.shape)
+    for last in (False, True):
+        before = state
+        told = env.step(jax.random.PRNGKey(1), before, jnp.zeros(3), env.default_params)
+        new, state, reward, terminated, truncated, info = told
+        assert (new.shape, reward.shape, terminated.shape, info["speed"].shape) == (seen.shape, (), (), ())
+        assert (bool(terminated), bool(truncated)) == (False, last)
+        assert (info["terminated"] == terminated) & (info["truncated"] == truncated)
+        assert bool((info["final_observation"] == new).all()) != last
 
 
 def test_refused():

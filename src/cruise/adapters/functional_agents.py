@@ -78,7 +78,10 @@ class AgentRaces(FunctionalRaces):
 
 
 class SingleRace(AgentRaces):
-    """One race in which one drone learns, with the interface of gymnax: arrays in place of dictionaries by agent."""
+    """One race in which one drone learns, with the interface of gymnax 1.0: a step gives six values.
+
+    Arrays are in place of dictionaries by agent, in the information too: `final_observation` [O].
+    """
 
     def __init__(self, options: RaceOptions) -> None:
         """Raises CruiseError where several drones learn."""
@@ -90,6 +93,12 @@ class SingleRace(AgentRaces):
     def default_params(self) -> None:
         """There are none: options are settled by `cruise.make`."""
         return
+
+    def step(self, key: Array, state: Carry, action: Any, params: None = None) -> tuple:
+        """Observation [O], the state, reward, terminated, truncated and information; see `AgentRaces.step`."""
+        seen, state, reward, _, info = super().step(key, state, action, params)
+        info = {name: values[0] for name, values in info.items()}
+        return seen, state, reward, info["terminated"], info["truncated"], info
 
     def _together(self, action: Any) -> Array:
         return jnp.asarray(action)[:, None]
@@ -126,7 +135,7 @@ def make(
         vehicle: a vehicle, the name of a built-in one, or the path of a TOML file; or several, one per drone.
         layout: `races-last`: many races in arrays [components, drones, races], the fastest. `agents`: one race with
             agents by name, for `jax.vmap`, as JaxMARL's. `single`: one race with one learner, for `jax.vmap`, as
-            gymnax's.
+            gymnax's since 1.0.
         options: the others of `cruise.adapters.options.RaceOptions`. Without `opponents` every drone learns; with
             them drone 0 does. Pilots in plain Python cannot fly here.
 
