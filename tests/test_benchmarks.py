@@ -18,6 +18,7 @@ from benchmarks import against, environment, headline
 from benchmarks.__main__ import rounded
 from benchmarks.adapters import INTERFACES, InterfaceCase
 from benchmarks.against import RATES, Against, verdicts
+from benchmarks.doors import FunctionalCase, processor_seconds
 from benchmarks.environment import EnvironmentCase, round_track, that_fit
 from benchmarks.machine import LEAST_ROUNDS, interleave, peak_memory_mb, rates
 from benchmarks.report import show
@@ -134,6 +135,14 @@ def test_interfaces_are_stepped_as_often_as_is_said(interface):
     before = np.asarray(case.env._races.state.step).copy()
     case()
     np.testing.assert_array_equal(np.asarray(case.env._races.state.step), before + 4)
+
+
+def test_a_rollout_of_races_under_vmap_flies_on():
+    case = FunctionalCase("agents", races=2, drones=1, length=3)
+    assert case.work == 2 * 3
+    for before in (0, 3):
+        np.testing.assert_array_equal(case._state.state.step, before)
+        assert processor_seconds(case) > 0
 
 
 class Counted:

@@ -64,6 +64,7 @@ def test_a_case_in_another_process_is_built_and_called():
     assert case.work == PlainEnvironment().work
     for _ in range(2):
         case()
+        assert case.used > 0
 
 
 @pytest.mark.parametrize(("python", "missing"), [(sys.executable, "nowhere"), ("/no/such/python", "/no/such/python")])

@@ -7,6 +7,7 @@ import importlib
 import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
@@ -32,14 +33,14 @@ class Apart:
         answer = self._answer()
         if answer.startswith("missing "):
             raise ModuleNotFoundError(answer, name=answer.removeprefix("missing "))
-        self.work = float(answer.removeprefix("work "))
+        self.work, self.used = float(answer.removeprefix("work ")), 0.0
 
     def __call__(self) -> None:
         """Have it done once."""
         assert self._child.stdin is not None
         self._child.stdin.write("go\n")
         self._child.stdin.flush()
-        self._answer()
+        self.used = float(self._answer().removeprefix("done "))  # processor time [s]
 
     def _answer(self) -> str:
         assert self._child.stdout is not None
@@ -65,8 +66,9 @@ def main(case: str) -> None:
         return
     answer(f"work {work.work}")
     for _ in sys.stdin:
+        began = time.process_time()
         work()
-        answer("done")
+        answer(f"done {time.process_time() - began}")
 
 
 if __name__ == "__main__":

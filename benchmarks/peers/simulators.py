@@ -54,6 +54,29 @@ def crazyflow_own() -> Crazyflow:
     return Crazyflow(control_rate=500)
 
 
+class CrazyflowRoom:
+    """Crazyflow's own environment of Gymnasium, a velocity to reach, under random attitudes and thrusts."""
+
+    def __init__(self, rooms: int = 1024) -> None:
+        """50 actions a second over physics at 500 Hz, episodes that end begun anew."""
+        os.environ.setdefault("SCIPY_ARRAY_API", "1")
+        from crazyflow.envs.reach_vel_env import ReachVelEnv  # noqa: PLC0415
+
+        self.work = float(rooms * STEPS)
+        self._env = ReachVelEnv(num_envs=rooms, freq=CONTROL_RATE)
+        self._env.reset(seed=0)
+        low, high = self._env.single_action_space.low, self._env.single_action_space.high
+        self._actions = np.random.default_rng(0).uniform(low, high, (STEPS, rooms, len(low))).astype(np.float32)
+        self()
+
+    def __call__(self) -> None:
+        """Step all rooms; NumPy out, as Gymnasium's libraries take it."""
+        for actions in self._actions:
+            observation, *_ = self._env.step(actions)
+            for part in observation.values():
+                np.asarray(part)
+
+
 class Rotorpy:
     """RotorPy's batched quadrotor in PyTorch: thrust and body rates at 50 Hz, a Runge-Kutta step each."""
 
