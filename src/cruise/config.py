@@ -176,6 +176,16 @@ class Vehicle:
 
 
 @dataclass(frozen=True)
+class Motion:
+    """How a gate moves to and fro: each amplitude times sin(2 pi t / period + phase), t seconds into the race."""
+
+    period: float  # [s]
+    sway_w: Vec3 = (0.0, 0.0, 0.0)  # amplitude of its centre [m]
+    swing: float = 0.0  # amplitude of its yaw [rad]
+    phase: float = 0.0  # [rad]
+
+
+@dataclass(frozen=True)
 class Gate:
     """An opening that is crossed along its normal, the first of its axes (forward, left, up).
 
@@ -189,6 +199,7 @@ class Gate:
     roll: float = 0.0  # about the normal [rad]
     pitch: float = 0.0  # of the normal below the horizon [rad]
     shape: GateShape = "rectangle"
+    motion: Motion | None = None  # about where it is; None: it stands still
 
     @property
     def size(self) -> tuple[float, float]:
@@ -268,6 +279,11 @@ class Track:
     start: Start | None = None  # None: a grid before a gate, by chance
     start_gate: int = 0  # index of the first gate to pass from `start`
     finish: Finish = "first"  # gate of a lap at which a race ends: where it began again, or the lap's last
+
+    @property
+    def moves(self) -> bool:
+        """Whether any of its gates does."""
+        return any(gate.motion for gate in self.gates)
 
     def gates_to_finish(self, laps: int) -> int:
         """Crossings that finish a race of so many laps: the first one starts lap 1."""

@@ -40,7 +40,7 @@ class Flight(NamedTuple):
     crossing: Crossing  # [K, N, *B] each
     collisions: Collisions  # [K, N, *B] each, bool
     further: tuple[Crossing, ...] = ()  # likewise, of the gates after the target: see `StepOutcome`
-    moved: MovedGates | None = None  # NumPy, where races differ in their gates
+    moved: MovedGates | None = None  # NumPy, where races differ in their gates; of gates that move, where they rest
 
 
 class _Sample(NamedTuple):
@@ -172,7 +172,9 @@ class RunningRace:
     def flight(self, steps: int) -> Flight:
         """What has been flown, cut after so many steps or where the last race was over."""
         assert self._last is not None
-        moved = jax.tree.map(np.asarray, self.state.surroundings.gates)
+        surroundings = self.state.surroundings
+        moved, rest = jax.tree.map(np.asarray, (surroundings.gates, surroundings.rest))
+        moved = moved if rest is None else moved._replace(position_w=rest.position_w, normal_w=rest.normal_w)
         return _join(self.env, self._pieces, self._last, steps)._replace(moved=moved)
 
 

@@ -1,11 +1,11 @@
-"""The built-in tracks: the paper's two, and published ones that nobody here trains on."""
+"""The built-in tracks: the paper's two, published ones that nobody here trains on, and one whose gates move."""
 
 import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from cruise.config import Gate, Pole, StartLine, StartPlace, StartPlaces, Track, Vec3, Wall
+from cruise.config import Gate, Motion, Pole, StartLine, StartPlace, StartPlaces, Track, Vec3, Wall
 
 
 def _ring() -> Track:
@@ -240,4 +240,26 @@ _LSY = munich(
 PUBLISHED_TRACKS: dict[str, Track] = {
     track.name: track for track in (_SPLIT_S, _A2RL, _DELFT, _UZH, _POWERLOOP, _WALLED, _LSY)
 }
-TRACKS: dict[str, Track] = PAPER_TRACKS | PUBLISHED_TRACKS
+
+
+def _moving() -> Track:
+    """Six gates on an oval of which five move, each in another way and with a period of its own.
+
+    Our own, after the gates that swing while they are flown through of Song and Scaramuzza, "Policy Search for Model
+    Predictive Control with Application to Agile Drone Flight", 2022, and those moved by hand of Kaufmann et al., "Deep
+    Drone Racing: Learning Agile Flight in Dynamic Environments", 2018.
+    """
+    swing, quarter = math.radians(30.0), math.pi / 2
+    rows: list[tuple[Vec3, float, Motion | None]] = [
+        ((0.0, -6.0, 1.5), 0.0, None),
+        ((7.0, -3.5, 1.5), 60.0, Motion(4.0, (-0.87, 0.5, 0.0))),  # from side to side
+        ((7.0, 3.5, 2.2), 120.0, Motion(3.0, (0.0, 0.0, 0.8))),  # up and down
+        ((0.0, 6.0, 1.5), 180.0, Motion(5.0, swing=swing)),  # turns
+        ((-7.0, 3.5, 1.5), -120.0, Motion(3.5, (0.4, 0.7, 0.0))),  # towards who comes, and away
+        ((-7.0, -3.5, 2.2), -60.0, Motion(4.5, (0.6, 0.35, 0.6), phase=quarter)),  # aslant
+    ]
+    gates = tuple(Gate(place, math.radians(yaw), 1.6, 1.6, motion=motion) for place, yaw, motion in rows)
+    return Track("moving", gates, bounds_low=(-15.0, -14.0, 0.0), bounds_high=(15.0, 14.0, 10.0))
+
+
+TRACKS: dict[str, Track] = PAPER_TRACKS | PUBLISHED_TRACKS | {"moving": _moving()}

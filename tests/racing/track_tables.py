@@ -5,6 +5,7 @@ SECOND = "[[gates]]\nposition = [12, 0, 2]\nyaw_deg = 0\n"
 THIRD = "[[gates]]\nposition = [6, 8, 2]\nyaw_deg = 180\n"
 NAME = 'name = "test"\n'
 SOUND = NAME + GATE
+POLE = "[[poles]]\nposition = [0, 3, 0]\nradius = 0.1\nheight = 3\n"
 
 
 def with_gate(line: str) -> str:
@@ -214,6 +215,66 @@ MALFORMED: dict[str, tuple[str, list[str]]] = {
     "no room for a start": (
         SOUND + "[bounds]\nlow = [-1, -9, 0]\nhigh = [9, 9, 9]\n",
         ["no gate has room for a start: 1.6 m before it must lie within the bounds and off all solids"],
+    ),
+    "motion that is no table": (
+        with_gate("motion = 3"),
+        ["gate 1: motion: must be a table, as in motion = { sway = [0, 1, 0], period = 4 }, got 3"],
+    ),
+    "motion without a period": (
+        with_gate("motion = { sway = [0, 1, 0] }"),
+        ["gate 1: motion: period is missing: how long it takes the gate to move to and fro, as in period = 4 [s]"],
+    ),
+    "motion with no period": (
+        with_gate("motion = { sway = [0, 1, 0], period = 0 }"),
+        ["gate 1: motion: period must be greater than 0, got 0"],
+    ),
+    "motion that does not end": (
+        with_gate("motion = { sway = [0, inf, 0], period = 4 }"),
+        ["gate 1: motion: sway y must be finite, got inf"],
+    ),
+    "sway along a line": (
+        with_gate("motion = { sway = 1, period = 4 }"),
+        ["gate 1: motion: sway must be three numbers [x, y, z], got 1"],
+    ),
+    "motion with a slip of the pen": (
+        with_gate("motion = { swey = [0, 1, 0], period = 4 }"),
+        ["gate 1: motion: unknown key 'swey'; did you mean 'sway'?"],
+    ),
+    "swing said twice": (
+        with_gate("motion = { swing_deg = 20, swing_rad = 0.3, period = 4 }"),
+        ["gate 1: motion: swing_deg and swing_rad are both given: keep one"],
+    ),
+    "motion that moves nothing": (
+        with_gate("motion = { sway = [0, 0, 0], period = 4 }"),
+        ["gate 1: motion: nothing moves: give sway, metres to either side along x, y, z, or swing_deg"],
+    ),
+    "swing all round": (
+        with_gate("motion = { swing_deg = 90, period = 9 }"),
+        ["gate 1: motion: swing_deg must be 0 to 60, to either side, got 90"],
+    ),
+    "swing to the other side": (
+        with_gate("motion = { swing_deg = -20, period = 9 }"),
+        ["gate 1: motion: swing_deg must be 0 to 60, to either side, got -20"],
+    ),
+    "gate that rushes": (
+        with_gate("motion = { sway = [0, 2, 0], period = 1 }"),
+        ["gate 1: motion: moves at up to 12.6 m/s, at most 5 m/s: a longer period, or less sway"],
+    ),
+    "gate that sinks into the ground": (
+        with_gate("motion = { sway = [0, 0, 2.5], period = 8, phase_deg = 90 }"),
+        ["gate 1: lies under ground: its centre is at z = -0.1651, must be above 0, 3.33 s into the race"],
+    ),
+    "gate that leaves the box": (
+        with_gate("motion = { sway = [0, 4.5, 0], period = 9 }") + "[bounds]\nlow = [-5, -5, 0]\nhigh = [5, 5, 5]\n",
+        ["gate 1: is out of bounds: reaches y = 5.347, bounds end at 5, 1.88 s into the race"],
+    ),
+    "gate that meets another": (
+        with_gate("motion = { sway = [0, 4, 0], period = 9 }") + GATE.replace("[0, 0, 2]", "[0, 3.5, 2]"),
+        ["gate 1: overlaps gate 2: their openings share room"],
+    ),
+    "gate that comes over a pole": (
+        with_gate("motion = { sway = [0, 3, 0], period = 9 }") + POLE,
+        ["pole 1: stands in the opening of gate 1"],
     ),
     "many faults at once": (
         "lap = 3\n" + NAME + GATE.replace("2]", "-2]") + SECOND + GATE.replace("yaw_deg = 0", 'width = "w"'),

@@ -16,6 +16,7 @@ from cruise.adapters.workers import start_jax
 from cruise.env.types import RaceState
 from cruise.errors import CruiseError
 from cruise.precision import single_precision
+from cruise.racing.course import course_at
 from cruise.racing.grid import Start
 from cruise.rollout import ask_python
 
@@ -146,7 +147,7 @@ class StandingStart(NamedTuple):
             raise CruiseError(f"a start has finite positions, and a gate from 0 to {gates - 1}")
         if env.track.variants:
             raise CruiseError(f"a start needs a track whose gates are known, and {env.track.name!r} is drawn anew")
-        x, y = np.asarray(env.course.normal_w)[:, gate]
+        x, y = np.asarray(course_at(env.course, 0.0).normal_w)[:, gate]
         heading = np.broadcast_to(np.arctan2(y, x), (drones, races))
         return Start(jnp.asarray(position.transpose(2, 1, 0)), jnp.asarray(heading), jnp.asarray(gate))
 

@@ -11,6 +11,7 @@ from PIL import Image, ImageDraw
 from cruise.adapters.races import Races
 from cruise.adapters.setup import Setup
 from cruise.config import Track
+from cruise.racing.motion import gates_at
 from cruise.racing.shapes import footprint
 from cruise.racing.solids import outlines
 from cruise.viewer.painting import look
@@ -84,7 +85,7 @@ class Screen:
         if self._scene is None:
             margins = (EDGE, EDGE + ROW * (len(lines) + 1.5), EDGE, EDGE)
             self._scene = make_scene(track_scenery(track), SIZE, margins)
-        picture = paint_scene(self._scene, _drones(frame), _strips(track, frame))
+        picture = paint_scene(self._scene, _drones(frame), _strips(track, frame), frame.time)
         _write(picture, f"{track.name}   {frame.time:.1f} s", lines)
         return np.asarray(picture)
 
@@ -174,7 +175,7 @@ def status(setup: Setup, frame: Frame) -> list[str]:
 
 def ansi(setup: Setup, frame: Frame) -> str:
     """The race from above, in characters: gates by letter, drones by number, solids as #; then a line per drone."""
-    gates = np.array([gate.position_w for gate in setup.env.track.gates])
+    gates = np.array([gate.position_w for gate in gates_at(setup.env.track.gates, frame.time)])
     points = np.concatenate([gates, frame.position_w])[:, :2]
     low = np.minimum(points.min(axis=0), gates[:, :2].min(axis=0)) - 2.0
     span = np.maximum(points.max(axis=0) + 2.0 - low, 1e-6)

@@ -193,6 +193,17 @@ def _gate_table(track: Track) -> Table:
     return table
 
 
+def _motion_table(track: Track) -> Table:
+    """Gates that move: how far to either side of where they are at rest, in what time to and fro."""
+    table = Table("gate that moves", *map(_right, ("x", "y", "z", "yaw", "period [s]", "phase")))
+    for number, gate in enumerate(track.gates, start=1):
+        if gate.motion is not None:
+            moves = gate.motion
+            numbers = (*moves.sway_w, math.degrees(moves.swing), moves.period, math.degrees(moves.phase))
+            table.add_row(str(number), *(f"{value:.2f}" for value in numbers))
+    return table
+
+
 def _solid_table(track: Track) -> Table:
     """Poles and walls by the upright boxes around them."""
     table = Table("solid", *map(_right, ("x", "y", "from z", "to z", "yaw", "length", "width")))
@@ -205,6 +216,8 @@ def _solid_table(track: Track) -> Table:
 
 def _print_track(track: Track) -> None:
     make_console().print(_gate_table(track))
+    if track.moves:
+        make_console().print(_motion_table(track))
     if track.obstacles:
         make_console().print(_solid_table(track))
 

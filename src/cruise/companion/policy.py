@@ -10,6 +10,7 @@ from cruise.config import Pole, Track
 from cruise.dynamics.attitude import Setpoint
 from cruise.errors import CruiseError
 from cruise.geometry import beyond_opening, heading_of, plane_fraction, tilt_of, to_gate
+from cruise.racing.motion import must_stand_still
 from cruise.storage.onnx_file import open_model, read_contract
 from cruise.storage.onnx_pilot import FedBack, check_tilt
 from cruise.vehicles import find_vehicle
@@ -70,6 +71,7 @@ class OnnxPolicy:
 
 def _fixed(track: Track, others: int) -> dict[str, Any]:
     """What stays the same: gates, and nobody else."""
+    must_stand_still(track, "a drone of your own is flown through")
     nobody = np.zeros((1, others, 3))
     return {
         "gate_position_w": [gate.position_w for gate in track.gates],

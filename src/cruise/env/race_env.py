@@ -11,6 +11,7 @@ from jaxtyping import Array, Bool, Float
 
 from cruise.config import Randomisation, RewardWeights, Track, Vehicle
 from cruise.dynamics import DroneState, Dynamics
+from cruise.env.gates_now import course_now, course_of_start, gates_and_told, over_step, with_gates_at
 from cruise.env.mixed import Fleet, Group, each_of, groups_of, make_mixed
 from cruise.env.observation import (
     OBSERVATIONS,
@@ -21,10 +22,10 @@ from cruise.env.observation import (
 )
 from cruise.env.payment import Reward, make_reward
 from cruise.env.randomise import perturbation
-from cruise.env.sensing import Gates, Sensed, sensed_after, settled
+from cruise.env.sensing import Sensed, sensed_after, settled
 from cruise.env.step_events import Flown, in_order
 from cruise.env.step_view import StepView
-from cruise.env.surroundings import AS_SAID, Conditions, Surroundings, gust_w
+from cruise.env.surroundings import AS_SAID, Conditions, gust_w
 from cruise.env.types import Collisions, RaceState, Rules, StepOutcome
 from cruise.env.view import View
 from cruise.racing.contacts import meet_opponents, meet_solids, on_ground, out_of_bounds
@@ -79,15 +80,12 @@ class RaceEnv(NamedTuple):
         return observation_layout(observation, Setting(self.num_drones, self.course.num_gates, self.dynamics))
 
     def course_of(self, state: RaceState) -> Course:
-        """The gates of a race, or of each race of a batch: the track's, unless they have been moved."""
-        return _with_gates(self.course, state.surroundings)
+        """The gates of a race, or of each race of a batch, as they stand now: the track's, unless they have moved."""
+        return course_now(self.course, state.surroundings)
 
-
-def _with_gates(course: Course, surroundings: Surroundings) -> Course:
-    moved = surroundings.gates
-    if moved is None:
-        return course
-    return course._replace(**{name: table for name, table in moved._asdict().items() if table is not None})
+    def with_gates_at(self, state: RaceState) -> RaceState:
+        """The race with its gates where they stand at its step; the same race where none of them moves."""
+        return with_gates_at(self.course, self.dynamics.control_dt, state)
 
 
 def _course_of(course: Course, drones: tuple[int, ...], ndim: int) -> Course:
@@ -104,9 +102,8 @@ def _informed(course: Course, dynamics: Dynamics, state: RaceState, sense: Calla
     surroundings = state.surroundings
     if surroundings.sensed is None:
         return state
-    here = _with_gates(course, surroundings)
-    gates = Gates(here.position_w, here.normal_w, here.solids)
-    sensed = sense(surroundings.sensed, state, gates, dynamics.rotation(state.drones))
+    gates, told = gates_and_told(course, dynamics.control_dt, state)
+    sensed = sense(surroundings.sensed, state, gates, told, dynamics.rotation(state.drones))
     return state._replace(surroundings=surroundings._replace(sensed=sensed))
 
 
@@ -211,7 +208,7 @@ def make_race_env(
         gate = jnp.broadcast_to(start.gate, shape).astype(jnp.int32)  # of no weak type: a step gives none
         counts = jnp.zeros(shape, jnp.int32)
         state = RaceState(drones, gate, counts, none, none, counts[0], conditions.surroundings)
-        return _informed(env_course, dynamics, state, settled)
+        return _informed(env_course, dynamics, with_gates_at(env_course, dynamics.control_dt, state), settled)
 
     def reset(
         key: Array,
@@ -223,14 +220,14 @@ def make_race_env(
         """`spread`: share of the races whose drones start all along the track. `start`: where they do in any case."""
         start_key, conditions_key, spread_key = jax.random.split(key, 3)
         conditions = perturb(conditions_key, (num_drones, *batch)) if perturb else AS_SAID
-        here = _with_gates(env_course, conditions.surroundings)
+        here = course_of_start(env_course, dynamics.control_dt, conditions.surroundings, batch)
         drawn = start_grid(here, start_key, num_drones, batch, gate, plan)
         if spread:
             drawn = _some_spread(here, spread_key, drawn, spread, spread_plan(track, num_drones))
         return begin(start or drawn, conditions)
 
     def step(state: RaceState, action: Float[Array, "A N *B"], rules: Rules) -> tuple[RaceState, StepOutcome]:
-        airborne, course = state.airborne, _with_gates(env_course, state.surroundings)
+        airborne, (course, surroundings) = state.airborne, over_step(env_course, dynamics.control_dt, state)
         moved = dynamics.step(state.drones, action, rules.agility, _air_w(dynamics, state))
         drones = _freeze(dynamics, ~airborne, state.drones, moved)
         start_w, end_w = state.drones.position_w, drones.position_w
@@ -273,12 +270,12 @@ def make_race_env(
             out=state.out | happened.terminated,
             finished=state.finished | happened.finished,
             step=state.step + 1,
-            surroundings=state.surroundings,
+            surroundings=surroundings,
         )
         return _informed(env_course, dynamics, next_state, sensed_after), outcome
 
     def observe(seen: Observation, state: RaceState) -> Array:
-        return observation_vector(seen, _with_gates(env_course, state.surroundings), dynamics, state)
+        return observation_vector(seen, course_now(env_course, state.surroundings), dynamics, state)
 
     find_observation(observation)
     observe_as: dict[str, Observe] = {name: functools.partial(observe, seen) for name, seen in OBSERVATIONS.items()}
@@ -314,7 +311,7 @@ def _decode(
     action: Array,
     drones: tuple[int, ...] | None = None,
 ) -> Array:
-    here, gate = _with_gates(course, state.surroundings), state.next_gate
+    here, gate = course_now(course, state.surroundings), state.next_gate
     if drones is not None:
         here, gate = _course_of(here, drones, gate.ndim), rows(gate, drones, axis=0)
     return action_decoder(seen, dynamics)(here, gate, action)

@@ -220,10 +220,10 @@ def _wind(strongest: Array | float, key: Array, shape: Shape) -> Array:
 def _gates(track: Track, strengths: Strengths, key: Array, races: Shape) -> tuple[MovedGates | None, MovedGates | None]:
     """Gates as the map has them and as they stand: of the track or one of its variants; shifted and turned.
 
-    None: as the track says. None stands lower than its opening reaches.
+    None: as the track says. None stands lower than its opening reaches. Gates that move do so about there.
     """
     moved, tilted, shifted = (not names.isdisjoint(strengths) for names in (MOVED, {"gate_tilt"}, {"solid_shift"}))
-    if not (moved or tilted or shifted or track.variants):
+    if not (moved or tilted or shifted or track.variants or track.moves):
         return None, None
     shift_key, turn_key, variant_key, tilt_key, solids_key, shape_key = jax.random.split(key, 6)
     variants = track.variants or (track.gates,)

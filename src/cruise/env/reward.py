@@ -82,14 +82,13 @@ def _prog(weights: RewardWeights, step: StepView) -> Float[Array, "N *B"]:
 def _to_go(step: StepView, weights: RewardWeights) -> tuple[Array, Array]:
     """Distance to the target gate before and after the step [m]: to its centre, or to its opening."""
     if weights.progress_to == "centre":
-        before, after = (norm(step.before.gate_w() - place) for place in (step.start_w, step.end_w))
-    else:
-        before, after = (step.before.to_opening(place, weights.edge_margin) for place in (step.start_w, step.end_w))
-    return before, after
+        return norm(step.before.gate_w() - step.start_w), norm(step.gate_after.position_w - step.end_w)
+    before = step.before.to_opening(step.start_w, weights.edge_margin)
+    return before, step.before.to_opening(step.end_w, weights.edge_margin, step.gate_after)
 
 
 def _misaligned(step: StepView) -> Float[Array, "N *B"]:
-    return misalignment(step.velocity_w, step.before.gate_w() - step.end_w)
+    return misalignment(step.velocity_w, step.gate_after.position_w - step.end_w)
 
 
 def _speed(weights: RewardWeights, step: StepView) -> Float[Array, "N *B"]:

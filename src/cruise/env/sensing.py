@@ -74,15 +74,22 @@ class Sensed(NamedTuple):
     seen: Opponents  # in sight at the last look, flying on since; the truth
 
 
-def settled(sensed: Sensed, state: "RaceState", gates: Gates, rotation: Float[Array, "3 3 N *B"]) -> Sensed:
-    """What is known at the start, after standing there for a while."""
+def settled(
+    sensed: Sensed, state: "RaceState", gates: Gates, told: Gates, rotation: Float[Array, "3 3 N *B"]
+) -> Sensed:
+    """What is known at the start, after standing there for a while; see `sensed_after`."""
     look = _look(sensed, state, gates, rotation)
     past = jax.tree.map(lambda one, all_of_them: jnp.broadcast_to(one, all_of_them.shape), look, sensed.past)
-    return _informed(sensed._replace(past=past), state, gates, jnp.ones_like(sensed.sensor.all_round))
+    return _informed(sensed._replace(past=past), state, told, jnp.ones_like(sensed.sensor.all_round))
 
 
-def sensed_after(sensed: Sensed, state: "RaceState", gates: Gates, rotation: Float[Array, "3 3 N *B"]) -> Sensed:
-    """What is known after a control step that led to `state`: `gates` as they stand, `rotation` R_WB of all drones."""
+def sensed_after(
+    sensed: Sensed, state: "RaceState", gates: Gates, told: Gates, rotation: Float[Array, "3 3 N *B"]
+) -> Sensed:
+    """What is known after a control step that led to `state`.
+
+    `gates` as they stand, `told` as they stood when the look was taken that arrives now, `rotation` R_WB of all drones.
+    """
     velocity = state.drones.velocity_w
     dt = sensed.sensor.control_dt
     drifted = sensed.error_w + dt * velocity_error(sensed.sensor, velocity)
@@ -91,7 +98,7 @@ def sensed_after(sensed: Sensed, state: "RaceState", gates: Gates, rotation: Flo
     look = _look(sensed, state, gates, rotation)
     past = jax.tree.map(lambda one, before: jnp.concatenate([one[None], before[:-1]]), look, sensed.past)
     arrives = (state.step >= sensed.sensor.latency) & ((state.step - sensed.sensor.latency) % sensed.sensor.period == 0)
-    return _informed(sensed._replace(past=past), state, gates, arrives)
+    return _informed(sensed._replace(past=past), state, told, arrives)
 
 
 def _informed(sensed: Sensed, state: "RaceState", gates: Gates, arrives: Bool[Array, "*B"]) -> Sensed:

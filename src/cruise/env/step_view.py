@@ -9,6 +9,7 @@ from jaxtyping import Array, Bool, Float, Int
 from cruise.dynamics import DroneState
 from cruise.env.types import RaceState, Rules, gates_passed
 from cruise.env.view import Sharing, View
+from cruise.racing.course import Opening
 from cruise.racing.gates import Crossing
 from cruise.vector import norm
 
@@ -70,6 +71,12 @@ class StepView(Sharing):
     def end_w(self) -> Float[Array, "3 N *B"]:
         """Position after [m]."""
         return self.after.position_w
+
+    @property
+    def gate_after(self) -> Opening:
+        """The gate that was the target before the step, where it stands after it."""
+        gate = self.before.gate()
+        return gate if gate.later is None else gate.later
 
     @property
     def velocity0_w(self) -> Float[Array, "3 N *B"]:

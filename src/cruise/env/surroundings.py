@@ -12,7 +12,7 @@ from jaxtyping import Array, Float, UInt32
 from cruise.dynamics import DroneState, quaternion
 from cruise.dynamics.parameters import AS_BUILT, Parameters
 from cruise.dynamics.types import FreeBody
-from cruise.env.sensing import Sensed, known_opponents, velocity_error
+from cruise.env.sensing import Gates, Sensed, known_opponents, velocity_error
 from cruise.vector import sin_cos
 
 if TYPE_CHECKING:
@@ -57,6 +57,7 @@ class Surroundings(NamedTuple):
     gusts: Gusts | None = None
     errors: SensorErrors | None = None
     sensed: Sensed | None = None
+    rest: Gates | None = None  # where gates that move are at rest: `gates` is where they stand now
 
 
 class Conditions(NamedTuple):

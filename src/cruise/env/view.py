@@ -137,9 +137,7 @@ class View(Sharing):
 
     def to_gate_frame(self, vector_w: Float[Array, "3 N *B"], ahead: int = 0) -> Float[Array, "3 N *B"]:
         """A world vector, or one for each of several opponents, along (forward, left, up) of that gate."""
-        gate = self.gate(ahead)
-        tilt = None if gate.tilt is None else _spread(gate.tilt, vector_w.ndim)
-        return jnp.stack(to_gate(_spread(gate.normal_w, vector_w.ndim), vector_w, tilt))
+        return _along(self.gate(ahead), vector_w)
 
     def from_gate_frame(self, vector: tuple[Any, Any, Any], ahead: int = 0) -> Float[Array, "3 N *B"]:
         """A vector along (forward, left, up) of that gate, in the world."""
@@ -156,10 +154,12 @@ class View(Sharing):
         axis = table[:2, number]
         return axis.reshape(2, *(1,) * (here.ndim - axis.ndim), *axis.shape[1:]) - here
 
-    def to_opening(self, position_w: Float[Array, "3 N *B"], margin: float = 0.0) -> Float[Array, "N *B"]:
-        """Distance [m] to the nearest point of the target's opening, shrunk by `margin` on every side."""
-        gate = self.gate()
-        forward, left, up = self.to_gate_frame(position_w - gate.position_w)
+    def to_opening(
+        self, position_w: Float[Array, "3 N *B"], margin: float = 0.0, gate: Opening | None = None
+    ) -> Float[Array, "N *B"]:
+        """Distance [m] to the nearest point of the target's opening, or another's, shrunk by `margin` on every side."""
+        gate = self.gate() if gate is None else gate
+        forward, left, up = _along(gate, position_w - gate.position_w)
         half_width, half_height = (jnp.maximum(half - margin, 0.0) for half in gate.half_size)
         beside, above = jnp.maximum(jnp.abs(left) - half_width, 0.0), jnp.maximum(jnp.abs(up) - half_height, 0.0)
         square = jnp.sqrt(forward**2 + beside**2 + above**2)
@@ -198,6 +198,12 @@ class View(Sharing):
 def _spread(table: Float[Array, "C N *B"], ndim: int) -> Array:
     """With axes of length 1 after the first, up to so many axes."""
     return table.reshape(table.shape[0], *(1,) * (ndim - table.ndim), *table.shape[1:])
+
+
+def _along(gate: Opening, vector_w: Float[Array, "3 N *B"]) -> Float[Array, "3 N *B"]:
+    """A world vector along (forward, left, up) of a gate."""
+    tilt = None if gate.tilt is None else _spread(gate.tilt, vector_w.ndim)
+    return jnp.stack(to_gate(_spread(gate.normal_w, vector_w.ndim), vector_w, tilt))
 
 
 def _gate(view: View, ahead: int) -> Opening:

@@ -7,6 +7,8 @@ import numpy as np
 
 from cruise.evaluation.metrics import RaceResult, crossing_times, race_result
 from cruise.evaluation.statistics import Estimate, mean_estimate, rate_estimate
+from cruise.racing.motion import gate_at
+from cruise.storage.log_track import gates_of
 from cruise.storage.race_log import RaceLog
 
 CAUSES = {"collision_gate_frame": "gate", "collision_drone": "drone"}  # of all other collisions: the world
@@ -79,8 +81,8 @@ def ranks(log: RaceLog, result: RaceResult) -> tuple[int, ...]:
 
     def key(drone: int) -> tuple[float, int, float]:
         mine = result.drones[drone]
-        gate = log.gate_position[mine.gates_passed % log.num_gates]
-        away = float(np.linalg.norm(log.position_w[-1, drone] - gate))
+        gate = gate_at(gates_of(log)[mine.gates_passed % log.num_gates], float(log.time[-1]))
+        away = float(np.linalg.norm(log.position_w[-1, drone] - gate.position_w))
         return mine.finish_time if mine.finished else np.inf, -mine.gates_passed, away
 
     order = sorted(range(log.num_drones), key=key)

@@ -23,6 +23,7 @@ from cruise.evaluation.statistics import Estimate, count_estimate, mean_estimate
 from cruise.pilots.base import Pilot
 from cruise.pilots.foreign import DEFAULT_BUDGET
 from cruise.pilots.rival import Rival
+from cruise.racing.course import course_at
 from cruise.racing.grid import before_gates
 from cruise.racing.start_room import JITTER, Grid, grids_that_fit
 from cruise.rollout import Flight, fly_from, team_rules
@@ -200,7 +201,7 @@ class _Stage:
 
     def _start(self) -> RaceState:
         """Everybody at rest at the place of its scenario, a little off it by chance."""
-        course, gates = self.env.course, len(self.match.track.gates)
+        course, gates = course_at(self.env.course, 0.0), len(self.match.track.gates)
         places = self._by_drone(lambda s: [s.place, *(o.place for o in s.opponents)], Place(0, 2.0))
         ahead, back, left = (jnp.asarray(part) for part in np.moveaxis(places, 2, 0))
         first = (jnp.asarray(self.first_gate) + ahead.astype(jnp.int32)) % gates

@@ -9,6 +9,7 @@ from cruise.config import Track
 from cruise.env.race_env import RaceEnv, make_race_env
 from cruise.errors import CruiseError
 from cruise.export.pilot_program import Model
+from cruise.racing.motion import must_stand_still
 from cruise.storage.onnx_file import FORMAT_VERSION, Contract, ExportedGate, Interface, ObservationEntry
 from cruise.storage.policy_file import Policy
 from cruise.vehicles import find_vehicle
@@ -22,6 +23,7 @@ def export_env(policy: Policy, track: Track) -> RaceEnv:
             f"{track.name!r} is another track in every race: choose the one that the export of {meta.name!r} is "
             "compared on (--track)"
         )
+    must_stand_still(track, f"the export of {meta.name!r} is compared on (--track)")
     env = make_race_env(track, meta.drones, find_vehicle(meta.vehicle), meta.observation)
     policy.pilot().init(env, tuple(range(meta.drones)), standing(env))
     return env

@@ -19,6 +19,7 @@ from cruise.limit.stepped import LARGEST_CHANGE, SteppedLap, SteppedProblem
 from cruise.limit.transcription import Dash, Lap, Problem, first_found, stops
 from cruise.racing.course import make_course
 from cruise.racing.gates import PlaneCrossing, cross_plane
+from cruise.racing.motion import must_stand_still
 from cruise.racing.track_geometry import lap_length, segment_lengths
 
 MAX_LAPS = 10  # as one programme
@@ -134,6 +135,7 @@ def _stepped(track: Track, vehicle: Vehicle, options: Options) -> Limit:
 
 
 def _check(track: Track, vehicle: Vehicle, options: Options) -> None:
+    must_stand_still(track, "the limit is known for")
     widest = min(gate.width if gate.shape == "round" else min(gate.width, gate.height) for gate in track.gates) / 2
     if min(segment_lengths(track.gates)) < SHORTEST:
         raise CruiseError(

@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
@@ -33,7 +34,8 @@ class View(NamedTuple):
 
     `act(view)` is asked for one drone of one race: shapes are as below. `act_batch(view)` is asked for all drones of
     all races that the pilot flies at once, M of them, in the same order every time: each array but those of `gates` has
-    a leading axis M. Where drones know gates by sight alone, so have `position_w`, `yaw` and `normal_w` of the gates.
+    a leading axis M. So have `position_w`, `yaw` and `normal_w` of the gates where these move, as they stand now, or
+    where drones know them by sight alone.
     """
 
     time: float | np.ndarray  # since the start; 0 at a pilot's first step [s]
@@ -120,6 +122,11 @@ def _take_snapshot(env: RaceEnv, state: RaceState, kinds: tuple[str, ...]) -> tu
         """[C, N, *B] -> [E, N, C], [N, *B] -> [E, N] and [*B] -> [E]; the order of all axes is turned around."""
         return values.reshape(*values.shape[: values.ndim - batch], -1).T
 
+    def of_all(table: Array) -> Array:
+        """[C, G, *B] of all drones as [C, G, N, *B]."""
+        shape = (*table.shape[:2], *state.airborne.shape)
+        return table if table.ndim == len(shape) else jnp.broadcast_to(table[:, :, None], shape)
+
     drones = state.drones
     vectors = {
         "position_w": users(drones.position_w),
@@ -130,8 +137,9 @@ def _take_snapshot(env: RaceEnv, state: RaceState, kinds: tuple[str, ...]) -> tu
     }
     flags = {name: users(getattr(state, name)) for name in ("step", "next_gate", "gates_passed", "airborne")}
     others = None if state.opponents is None else Others(*map(users, state.opponents))
-    moved = state.surroundings.gates if state.surroundings.sensed is not None else None
-    gates = None if moved is None else (users(moved.position_w), users(moved.normal_w))
+    surroundings = state.surroundings
+    shown = surroundings.gates if surroundings.sensed is not None or surroundings.rest is not None else None
+    gates = None if shown is None else tuple(users(of_all(table)) for table in (shown.position_w, shown.normal_w))
     return vectors, flags, {kind: users(env.observe_as[kind](state)) for kind in kinds}, others, gates
 
 
@@ -165,7 +173,7 @@ class ViewBuilder(NamedTuple):
         return View(**named, gates=self.gates, control_dt=self.control_dt, agility=self.agility)
 
     def _believed(self, snapshot: Snapshot, drones: Sequence[int]) -> Gates:
-        """The gates of the map, or in every row as its drone believes them."""
+        """The gates of the map, or in every row as they stand now, or as its drone believes them."""
         if snapshot.gates is None:
             return self.gates
         position, heading = (

@@ -57,8 +57,9 @@ def on_ground(position_w: Float[Array, "3 *B"]) -> Bool[Array, "*B"]:
 
 
 def out_of_bounds(course: Course, position_w: Float[Array, "3 *B"]) -> Bool[Array, "*B"]:
-    """Outside the track's box, or farther than `leave_distance` from every gate."""
-    return outside_box(course, position_w) | ~(course.leave_distance**2 >= nearest_gate_distance2(course, position_w))
+    """Outside the track's box, or farther than `leave_distance` from every gate, at the end of a step."""
+    now = course if course.later is None else course.later
+    return outside_box(course, position_w) | ~(course.leave_distance**2 >= nearest_gate_distance2(now, position_w))
 
 
 def outside_box(course: Course, position_w: Float[Array, "3 *B"]) -> Bool[Array, "*B"]:

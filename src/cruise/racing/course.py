@@ -1,6 +1,7 @@
 """A track as arrays. Components lead and drones or races trail, so every function broadcasts over them."""
 
 import functools
+import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -10,10 +11,20 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int, Shaped
 
 from cruise.config import Gate, Track
+from cruise.racing.motion import motion_row
 from cruise.racing.solids import solid_columns
-from cruise.vector import is_plain
+from cruise.vector import is_plain, sin_cos
 
 UNROLLED = 16  # gates or solids up to which a loop over them is written out: more are scanned, or gathered
+
+
+class Motions(NamedTuple):
+    """How each gate of a course moves, see `cruise.config.Motion`; one that stands still has amplitudes of 0."""
+
+    sway_w: Float[Array, "3 G"]  # [m]
+    swing: Float[Array, "G"] | None  # [rad]; None: no gate swings
+    period: Float[Array, "G"]  # [s]
+    turns: Float[Array, "G"]  # the phase, of a whole turn
 
 
 class Course(NamedTuple):
@@ -34,6 +45,8 @@ class Course(NamedTuple):
     is_round: Bool[Array, "1 G"] | None = None  # None: all are rectangles
     half_depth: Float[Array, ""] | None = None  # of frames along the flight; None: they have none
     solids: dict[str, Float[Array, "C S *B"]] | None = None  # by kind, see `cruise.racing.solids`; None: gates alone
+    motions: Motions | None = None  # about where the gates are at rest; None: all stand still
+    later: "Course | None" = None  # at the end of the step that is judged; None: as it is
 
     @property
     def num_gates(self) -> int:
@@ -49,10 +62,11 @@ class Opening(NamedTuple):
     half_size: Float[Array, "2 *B"]  # [m]
     tilt: Float[Array, "4 *B"] | None = None
     is_round: Bool[Array, "1 *B"] | None = None
+    later: "Opening | None" = None  # at the end of the step that is judged; None: as it is
 
 
 def make_course(track: Track) -> Course:
-    """Arrays of a track."""
+    """Arrays of a track, gates that move where they are at rest."""
     gates = track.gates
     yaw = np.array([g.yaw for g in gates])
     return Course(
@@ -67,7 +81,41 @@ def make_course(track: Track) -> Course:
         is_round=jnp.array([[g.shape == "round" for g in gates]]) if any(g.shape == "round" for g in gates) else None,
         half_depth=jnp.float32(track.frame_depth / 2) if track.frame_depth else None,
         solids={kind: jnp.array(table, jnp.float32) for kind, table in solid_columns(track.obstacles).items()} or None,
+        motions=_motions(track) if track.moves else None,
     )
+
+
+def _motions(track: Track) -> Motions:
+    rows = np.array([motion_row(gate.motion) for gate in track.gates]).T
+    sway, swing, period, phase = rows[:3], rows[3], rows[4], rows[5]
+    return Motions(
+        jnp.array(sway, jnp.float32),
+        jnp.array(swing, jnp.float32) if swing.any() else None,
+        jnp.array(np.where(period > 0, period, 1.0), jnp.float32),
+        jnp.array(phase / (2 * np.pi) % 1.0, jnp.float32),
+    )
+
+
+def course_at(course: Course, time: Float[Array, "*B"] | float) -> Course:
+    """A course whose gates are at rest, with the gates where they stand at a time [s], of each race its own."""
+    motions = course.motions
+    if motions is None:
+        return course
+    time = jnp.asarray(time)
+
+    def each(table: Array) -> Array:
+        """With an axis for every one of the races after that of the gates."""
+        return table.reshape(*table.shape, *(1,) * time.ndim)
+
+    turns = time / each(motions.period)
+    share = sin_cos(2 * math.pi * (turns - jnp.floor(turns) + each(motions.turns)))[0]
+    at_rest = course.position_w, course.normal_w
+    position, normal = (each(table) if table.ndim == 2 else table for table in at_rest)
+    if motions.swing is not None:
+        sine, cosine = sin_cos(each(motions.swing) * share)
+        normal = jnp.stack([cosine * normal[0] - sine * normal[1], sine * normal[0] + cosine * normal[1]])
+    position = position + each(motions.sway_w) * share
+    return course._replace(position_w=position, normal_w=jnp.broadcast_to(normal, (2, *position.shape[1:])))
 
 
 def _half_size(gate: Gate) -> tuple[float, float]:
@@ -98,6 +146,7 @@ def _opening(course: Course, column: Callable[[Array], Array]) -> Opening:
         column(course.half_size),
         None if course.tilt is None else column(course.tilt),
         None if course.is_round is None else column(course.is_round),
+        None if course.later is None else _opening(course.later, column),
     )
 
 

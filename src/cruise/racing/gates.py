@@ -45,9 +45,12 @@ def cross_plane(course: Course, gate: int, start_w: Float[Array, "3 *B"], end_w:
 
 
 def cross_opening(gate: Opening, start_w: Float[Array, "3 *B"], end_w: Float[Array, "3 *B"]) -> PlaneCrossing:
-    """Intersection of the segment with the plane of a gate."""
+    """Intersection of the segment with the plane of a gate.
+
+    In the frame of the gate: where it moves within the step, each end as it is seen from where the gate is then.
+    """
     forward0, left0, up0 = gate_coordinates(gate, start_w)
-    forward1, left1, up1 = gate_coordinates(gate, end_w)
+    forward1, left1, up1 = gate_coordinates(gate if gate.later is None else gate.later, end_w)
     fraction = plane_fraction(forward0, forward1)
     left = left0 + fraction * (left1 - left0)
     up = up0 + fraction * (up1 - up0)
@@ -106,9 +109,12 @@ def _faces(gate: Opening, half_depth: Array | None) -> list[Opening]:
     if half_depth is None:
         return []
     ahead = from_gate(gate.normal_w, (half_depth, 0.0, 0.0), gate.tilt)
+    later = [None, None] if gate.later is None else _faces(gate.later, half_depth)
     return [
-        gate._replace(position_w=jnp.stack([at + side * by for at, by in zip(gate.position_w, ahead, strict=True)]))
-        for side in (-1, 1)
+        gate._replace(
+            position_w=jnp.stack([at + side * by for at, by in zip(gate.position_w, ahead, strict=True)]), later=face
+        )
+        for side, face in zip((-1, 1), later, strict=True)
     ]
 
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from cruise import geometry
 from cruise.config import Gate, Track
+from cruise.racing.motion import reach
 
 FASTEST = 40.0  # a drone that flies no faster can jump no gate [m/s]
 PROJECTIONS = 100
@@ -14,10 +15,13 @@ PROJECTIONS = 100
 def passes_per_step(track: Track, control_dt: float) -> int:
     """One more than the longest run of gates whose openings are, in all, no farther apart than a step's flight.
 
-    So it is one wherever openings that follow each other are farther apart than `FASTEST` times the step.
+    So it is one wherever openings that follow each other are farther apart than `FASTEST` times the step. Those that
+    move count as near each other as they might come.
     """
     every = [gate for gates in track.variants or (track.gates,) for gate in gates]
-    return max(_passes(gaps, FASTEST * control_dt) for gaps in opening_gaps(every, len(track.gates)))
+    moved = np.array([reach(gate) for gate in every]).reshape(-1, len(track.gates))
+    gaps = opening_gaps(every, len(track.gates)) - moved - np.roll(moved, -1, axis=1)
+    return max(_passes(of_one, FASTEST * control_dt) for of_one in gaps)
 
 
 def _passes(gaps: np.ndarray, reach: float) -> int:

@@ -11,6 +11,7 @@ import numpy as np
 from cruise.config import Gate, StartLine, StartPlaces, Track, Vec3
 from cruise.errors import CruiseError
 from cruise.racing.clearance import clearance
+from cruise.racing.motion import at_start
 from cruise.racing.solids import outlines
 
 LANE_SPACING = 1.25  # [m]
@@ -97,7 +98,7 @@ def start_places(track: Track, drones: int) -> list[tuple[Vec3, float]]:
 
 
 def _refuse_outside(track: Track, places: Sequence[tuple[Vec3, float]]) -> None:
-    if not _is_free(track, track.gates, np.array([place for place, _ in places])).all():
+    if not _is_free(track, at_start(track).gates, np.array([place for place, _ in places])).all():
         raise CruiseError(f"{track.name} has no room for {len(places)} drones on its start line: race fewer")
 
 
@@ -108,7 +109,7 @@ def start_faults(track: Track) -> Iterator[str]:
             yield "no gate has room for a start: 1.6 m before it must lie within the bounds and off all solids"
         return
     places = start_places(track, 1)
-    free = _is_free(track, track.gates, np.array([place for place, _ in places]))
+    free = _is_free(track, at_start(track).gates, np.array([place for place, _ in places]))
     for number, ((x, y, z), _) in enumerate(places, start=1):
         name = "middle" if isinstance(track.start, StartLine) else f"place {number}"
         if not free[number - 1] or z <= 0:
@@ -137,6 +138,7 @@ def grids_that_fit(track: Track, drones: int, grids: Sequence[Grid] = GRIDS) -> 
         ]
         every = (grid for grid in grids if all(_fits(one, v, gate, grid, drones) for one, v, gate in every_gate))
         return [next(every, None)] * len(track.gates)
+    track = at_start(track)
     return [
         next((grid for grid in grids if _fits(track, track.gates, gate, grid, drones)), None) for gate in track.gates
     ]

@@ -11,11 +11,11 @@ from typing import Any
 
 import tomli_w
 
-from cruise.config import Gate, Start, StartLine, StartPlace, StartPlaces, Track, Vec3
+from cruise.config import Gate, Motion, Start, StartLine, StartPlace, StartPlaces, Track, Vec3
 from cruise.errors import CruiseError
 from cruise.files import write_whole
 from cruise.presets import TRACKS
-from cruise.racing import start_room
+from cruise.racing import motion, start_room
 from cruise.racing import track_geometry as geometry
 from cruise.racing import track_schema as schema
 from cruise.racing.solids import KINDS, Outline, kind_of, solid_faults
@@ -126,6 +126,7 @@ def document_faults(document: schema.Table) -> list[str]:
         faults += [f"{geometry.gate_place(i)}: {text}" for text in gate_faults]
         if not gate_faults:
             sound[i] = _gate(table)
+    faults += [f"{geometry.gate_place(i)}: {text}" for i, gate in sound.items() if (text := _too_fast(gate))]
     faults += _faults_among(document, sound, bounded=not bounds_faults)
     if "start" in document:
         faults += [f"start: {text}" for text in schema.start_faults(document["start"], len(gates))]
@@ -133,6 +134,7 @@ def document_faults(document: schema.Table) -> list[str]:
     faults += solids_faults
     if not bounds_faults and sound:
         faults += geometry.obstructions(sound, solids, *_bounds(document, sound.values()))
+        faults += [] if faults else _faults_of_moving(document, sound, solids)
     return faults if faults else list(start_room.start_faults(from_document(document)))
 
 
@@ -170,6 +172,28 @@ def _faults_among(document: schema.Table, gates: dict[int, Gate], bounded: bool)
         yield from geometry.unreachable(gates, count, document["leave_distance"])
 
 
+def _too_fast(gate: Gate) -> str:
+    speed = motion.top_speed(gate)
+    if speed <= motion.FASTEST:
+        return ""
+    return f"motion: moves at up to {speed:.3g} m/s, at most {motion.FASTEST:g} m/s: a longer period, or less sway"
+
+
+def _faults_of_moving(
+    document: schema.Table, gates: dict[int, Gate], solids: list[tuple[str, Outline]]
+) -> Iterator[str]:
+    """What becomes wrong where gates without faults move, each fault when it is first met."""
+    bounds = _bounds(document, gates.values())
+    told: set[tuple[str, ...]] = set()
+    for time in motion.moments(list(gates.values())).tolist():
+        now = {i: motion.gate_at(gate, time) for i, gate in gates.items()}
+        for text in (*_faults_among(document, now, bounded=True), *geometry.obstructions(now, solids, *bounds)):
+            what = tuple(text.split(":")[:2])
+            if what not in told:
+                told.add(what)
+                yield f"{text}, {time:.3g} s into the race"
+
+
 def read_document(path: StrPath) -> dict[str, Any]:
     """Parse a TOML file. Raises CruiseError where it is missing, not a regular file, too large or not TOML."""
     return read_toml(path, KIND)
@@ -199,9 +223,17 @@ def _gate_table(gate: Gate) -> dict[str, Any]:
     table = {"position": list(gate.position_w), **schema.angle_key("yaw", gate.yaw)}
     for name, angle in (("roll", gate.roll), ("pitch", gate.pitch)):
         table |= schema.angle_key(name, angle) if angle else {}
+    moves = {"motion": _motion_table(gate.motion)} if gate.motion else {}
     if gate.shape == "round":
-        return table | {"shape": gate.shape, "diameter": gate.width}
-    return table | {"width": gate.width, "height": gate.height}
+        return table | {"shape": gate.shape, "diameter": gate.width} | moves
+    return table | {"width": gate.width, "height": gate.height} | moves
+
+
+def _motion_table(moves: Motion) -> dict[str, Any]:
+    table: dict[str, Any] = {"period": moves.period} | ({"sway": list(moves.sway_w)} if any(moves.sway_w) else {})
+    for name, angle in (("swing", moves.swing), ("phase", moves.phase)):
+        table |= schema.angle_key(name, angle) if angle else {}
+    return table
 
 
 def _start_table(start: Start) -> dict[str, Any]:
@@ -245,7 +277,14 @@ def _gate(table: schema.Table) -> Gate:
         schema.angle(table, "roll"),
         schema.angle(table, "pitch"),
         table.get("shape", "rectangle"),
+        _motion(table["motion"]) if "motion" in table else None,
     )
+
+
+def _motion(table: schema.Table) -> Motion:
+    """The motion of a table without faults."""
+    sway = schema.vec3(table.get("sway", (0.0, 0.0, 0.0)))
+    return Motion(float(table["period"]), sway, schema.angle(table, "swing"), schema.angle(table, "phase"))
 
 
 def _start(table: schema.Table) -> Start:

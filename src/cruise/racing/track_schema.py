@@ -6,6 +6,7 @@ from typing import get_args
 
 from cruise import toml_file
 from cruise.config import Finish, GateShape, Vec3
+from cruise.racing.motion import WIDEST
 from cruise.toml_file import LIMIT, Check, Table, label, not_negative, number, positive, shown, spell
 
 __all__ = ["LIMIT", "Check", "Table", "label", "not_negative", "number", "positive", "shown", "spell"]
@@ -57,6 +58,15 @@ GATE_KEYS: Mapping[str, Check] = {
     "pitch_rad": number,
     "shape": lambda value: toml_file.choice(value, get_args(GateShape)),
     "diameter": positive,
+    "motion": anything,
+}
+MOTION_KEYS: Mapping[str, Check] = {
+    "period": positive,
+    "sway": point,
+    "swing_deg": number,
+    "swing_rad": number,
+    "phase_deg": number,
+    "phase_rad": number,
 }
 START_KEYS: Mapping[str, Check] = {
     "gate": lambda value: toml_file.whole(value, 1, MAX_GATES),
@@ -74,6 +84,7 @@ REQUIRED = {
     "low": "the lowest corner, as in low = [-20, -20, 0]",
     "high": "the highest corner, as in high = [20, 20, 10]",
     "position": "the centre of the opening, as in position = [10, 0, 2]",
+    "period": "how long it takes the gate to move to and fro, as in period = 4 [s]",
 }
 
 
@@ -93,7 +104,23 @@ def gate_faults(gate: object) -> list[str]:
         faults += [f"{key} is given: a round gate has a diameter" for key in ("width", "height") if key in gate]
     elif "diameter" in gate:
         faults.append('diameter is given, which a round gate has: add shape = "round"')
-    return faults
+    return [*faults, *(f"motion: {text}" for text in _motion_faults(gate["motion"]))] if "motion" in gate else faults
+
+
+def _motion_faults(motion: object) -> Iterator[str]:
+    """Faults of how a gate moves, one text each."""
+    if not isinstance(motion, Mapping):
+        yield f"must be a table, as in motion = {{ sway = [0, 1, 0], period = 4 }}, got {spell(motion)}"
+        return
+    faults = [*key_faults(motion, MOTION_KEYS), *angle_faults(motion, "swing"), *angle_faults(motion, "phase")]
+    yield from faults
+    if faults:
+        return
+    swing = angle(motion, "swing")
+    if not (swing or any(motion.get("sway", ()))):
+        yield "nothing moves: give sway, metres to either side along x, y, z, or swing_deg"
+    if not 0 <= swing <= WIDEST:
+        yield f"swing_deg must be 0 to {math.degrees(WIDEST):g}, to either side, got {math.degrees(swing):g}"
 
 
 def angle_faults(table: Table, name: str, meaning: str = "") -> Iterator[str]:

@@ -7,6 +7,7 @@ from matplotlib.axes import Axes
 
 from cruise.evaluation.metrics import overtakes
 from cruise.palette import drone_colour as colour
+from cruise.racing.motion import poses
 from cruise.racing.shapes import opening
 from cruise.report.figure_style import FAINT, Style, tidy
 from cruise.report.race_scene import START_WIDTH, Scene, crashes, flown, style
@@ -42,9 +43,9 @@ def draw_speeds(axes: Axes, scene: Scene) -> None:
 
 
 def draw_heights(axes: Axes, scene: Scene) -> None:
-    """Heights, and the openings of the gates as bars."""
+    """Heights, and the openings of the gates as bars: all that they reach, where they move."""
     log = scene.log
-    heights = [opening(gate)[:, 2] for gate in gates_of(log)]
+    heights = [np.concatenate([opening(pose)[:, 2] for pose in poses(gate)]) for gate in gates_of(log)]
     ends = [(float(rim.min()), float(rim.max())) for rim in heights]
     for crossing in range(log.gates_to_finish):
         gate = (log.next_gate[0, 0] + crossing) % log.num_gates

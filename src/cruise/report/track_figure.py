@@ -7,6 +7,7 @@ from matplotlib.axes import Axes
 
 from cruise.config import Gate, Track
 from cruise.palette import FAINT, GATE, SOLID
+from cruise.racing.motion import poses
 from cruise.racing.shapes import footprint, opening
 from cruise.racing.solids import Outline, outlines
 from cruise.racing.start_room import start_places
@@ -47,21 +48,28 @@ def _smooth_line(track: Track) -> np.ndarray:
 
 
 def track_from_above(axes: Axes, gates: Sequence[Gate], solids: Sequence[Outline]) -> None:
-    """Poles and walls; openings as they are seen from above, as bars where they stand upright; gates' numbers."""
+    """Poles and walls; openings as they are seen from above, as bars where they stand upright; gates' numbers.
+
+    Gates that move are drawn at rest and, faintly, as far as they get.
+    """
     for solid in solids:
         axes.fill(*footprint(solid).T, facecolor=SOLID, edgecolor=GATE, linewidth=0.6, zorder=3)
     centres = np.array([gate.position_w[:2] for gate in gates])
     middle, size = centres.mean(axis=0), float(np.ptp(centres, axis=0).max(initial=1.0))
     for number, gate in enumerate(gates, start=1):
         centre, forward = np.array(gate.position_w[:2]), normal_of(gate)[:2]
-        rim = opening(gate)[:, :2]
+        rim, *others = (opening(pose)[:, :2] for pose in poses(gate))
+        for other in others:
+            axes.fill(*other.T, facecolor="none", edgecolor=FAINT, linewidth=3, zorder=2)
         axes.fill(*rim.T, facecolor="none", edgecolor=GATE, linewidth=4 if gate.pitch == 0 else 2, zorder=4)
         arrow = {"arrowstyle": "-|>", "color": GATE, "linewidth": 1.2}
         tip, foot = (tuple((centre + share * gate.width / 2 * forward).tolist()) for share in (1.1, 0.1))
         axes.annotate("", tip, foot, arrowprops=arrow, zorder=4)
         side = np.array([-np.sin(gate.yaw), np.cos(gate.yaw)])
         outward = side if side @ (centre - middle) >= 0 else -side
-        place = centre + outward * (float(np.abs((rim - centre) @ side).max()) + BESIDE * size)
+        place = centre + outward * (
+            float(np.abs((np.concatenate([rim, *others]) - centre) @ side).max()) + BESIDE * size
+        )
         axes.text(place[0], place[1], str(number), ha="center", va="center", fontsize=12, fontweight="bold", color=GATE)
         axes.update_datalim([place])
 
@@ -79,8 +87,10 @@ def _heights(axes: Axes, track: Track, way: np.ndarray) -> None:
     flown = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(way, axis=0), axis=1))])
     axes.plot(flown, way[:, 2], color=FAINT, linewidth=1.5)
     for number, (gate, x) in enumerate(zip(track.gates, flown[::SAMPLES], strict=True), start=1):
-        low, high = opening(gate)[:, 2].min(), opening(gate)[:, 2].max()
-        axes.plot([x, x], [low, high], color=GATE, linewidth=4, solid_capstyle="butt")
+        rim, *others = (opening(pose)[:, 2] for pose in poses(gate))
+        for heights, colour in (*((other, FAINT) for other in others), (rim, GATE)):
+            axes.plot([x, x], [heights.min(), heights.max()], color=colour, linewidth=4, solid_capstyle="butt")
+        high = max(heights.max() for heights in (rim, *others))
         axes.annotate(str(number), (x, high), textcoords="offset points", xytext=(0, 4), ha="center", color=GATE)
     axes.set_ylim(0.0, None)
     axes.margins(y=0.2)

@@ -19,6 +19,7 @@ FORMAT_VERSION = 2  # 1: no tilt, shape and solids
 
 
 __all__ = ["COLLISIONS", "EVENT_KINDS", "NOBODY", "EventKind", "RaceLog", "load_race_log"]
+PERIOD = 4  # of a gate that moves: its column in `gate_motion`; 0: it stands still
 NOBODY = -1  # in `event_gate` and `event_other`: none
 
 
@@ -66,6 +67,7 @@ class RaceLog:
     gate_roll: np.ndarray = None  # type: ignore[assignment]  # [G] about the normal, rad
     gate_pitch: np.ndarray = None  # type: ignore[assignment]  # [G] of the normal below the horizon, rad
     gate_shape: np.ndarray = None  # type: ignore[assignment]  # [G] rectangle or round
+    gate_motion: np.ndarray = None  # type: ignore[assignment]  # [G, 6] sway (m), swing (rad), period (s), phase (rad)
     solid_kind: np.ndarray = None  # type: ignore[assignment]  # [S] pole, wall
     solid_shape: np.ndarray = None  # type: ignore[assignment]  # [S] cylinder or box: what it fills of the upright box around it
     solid_position: np.ndarray = None  # type: ignore[assignment]  # [S, 3] centres of those boxes, m
@@ -161,6 +163,7 @@ _LAYOUT: dict[str, tuple[str, str]] = {
     "gate_roll": ("f", "G"),
     "gate_pitch": ("f", "G"),
     "gate_shape": ("U", "G"),
+    "gate_motion": ("f", "G6"),
     "solid_kind": ("U", "S"),
     "solid_shape": ("U", "S"),
     "solid_position": ("f", "S3"),
@@ -176,6 +179,7 @@ _SINCE: dict[str, Callable[[Mapping[str, np.ndarray]], np.ndarray | float | str]
     "gate_roll": lambda log: np.zeros(log["gate_yaw"].shape),
     "gate_pitch": lambda log: np.zeros(log["gate_yaw"].shape),
     "gate_shape": lambda log: np.full(log["gate_yaw"].shape, "rectangle"),
+    "gate_motion": lambda log: np.zeros((*log["gate_yaw"].shape, 6)),
     "solid_kind": lambda log: np.zeros(0, "U1"),
     "solid_shape": lambda log: np.zeros(0, "U1"),
     "solid_position": lambda log: np.zeros((0, 3)),
@@ -252,3 +256,5 @@ def _check_values(arrays: dict[str, np.ndarray], where: str) -> None:
     for name in ("laps", "control_dt", "collision_distance", "collision_aspect"):
         if arrays[name] <= 0:
             raise CruiseError(f"{where}: {name!r} must be above 0, got {arrays[name]}")
+    if (arrays["gate_motion"][:, PERIOD] < 0).any():
+        raise CruiseError(f"{where}: array 'gate_motion' holds a period below 0")

@@ -12,6 +12,7 @@ from cruise import geometry
 from cruise.config import Gate, Track
 from cruise.racing.events import COLLISION_KINDS, EVENT_KINDS, EventKind
 from cruise.racing.gates import Crossing
+from cruise.racing.motion import motion_row
 from cruise.racing.solids import KINDS, outlines, solid_columns, solids_of_columns
 from cruise.rollout import Flight
 from cruise.storage.race_log import NOBODY, RaceLog
@@ -107,7 +108,7 @@ def _track_flown(flight: Flight, track: Track, race: int) -> Track:
 
 
 def _gates_flown(flight: Flight, track: Track, race: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Centres [G, 3, R] of all gates in each of some races, and their yaws, pitches and rolls [G, 3, R]."""
+    """Centres [G, 3, R] of all gates at rest in each of some races, and their yaws, pitches and rolls [G, 3, R]."""
     rows, moved = len(race), flight.moved
     turns = np.array([(gate.yaw, gate.pitch, gate.roll) for gate in track.gates])[:, :, None].repeat(rows, 2)
     if moved is None:
@@ -118,6 +119,16 @@ def _gates_flown(flight: Flight, track: Track, race: np.ndarray) -> tuple[np.nda
         cos_pitch, sin_pitch, cos_roll, sin_roll = np.asarray(moved.tilt, np.float64)[:, :, race]
         turns[:, 1], turns[:, 2] = np.arctan2(sin_pitch, cos_pitch), np.arctan2(sin_roll, cos_roll)
     return position[:, :, race].swapaxes(0, 1), turns
+
+
+def _moved_on(gate: Gate, place: tuple[np.ndarray, np.ndarray], time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Centre and yaw, pitch, roll [3, R] of a gate at times [R], from where it is at rest."""
+    if gate.motion is None:
+        return place
+    centre, turns = place
+    share = np.sin(2 * np.pi * time / gate.motion.period + gate.motion.phase)
+    sway, swing = np.array(gate.motion.sway_w)[:, None], np.array([gate.motion.swing, 0.0, 0.0])[:, None]
+    return centre + sway * share, turns + swing * share
 
 
 def _solids_flown(flight: Flight, track: Track, kind: str, race: np.ndarray) -> Iterator[np.ndarray]:
@@ -144,6 +155,7 @@ def track_arrays(track: Track) -> dict[str, Any]:
         "gate_roll": np.array([gate.roll for gate in gates], np.float64),
         "gate_pitch": np.array([gate.pitch for gate in gates], np.float64),
         "gate_shape": np.array([gate.shape for gate in gates]),
+        "gate_motion": np.array([motion_row(gate.motion) for gate in gates], np.float64),
         "solid_kind": np.array([solid.kind for solid in solids], dtype=str),
         "solid_shape": np.array([solid.shape for solid in solids], dtype=str),
         "solid_position": np.array([solid.centre_w for solid in solids], np.float64).reshape(-1, 3),
@@ -298,8 +310,9 @@ def _leave_box(track: Track, start: Point, end: Point) -> np.ndarray:
 def _meet_frame(flight: Flight, hits: _Hits, start: Point, end: Point, track: Track) -> tuple[np.ndarray, np.ndarray]:
     """The gate whose frame was struck first, and when."""
     flown = zip(*_gates_flown(flight, track, hits.race), strict=True)
+    times = _time(flight, hits.step), _time(flight, hits.step + 1)
     by_gate = [
-        _frame_misfit(gate, track.frame_width, place, (start, end))
+        _frame_misfit(gate, track.frame_width, tuple(_moved_on(gate, place, time) for time in times), (start, end))
         for gate, place in zip(track.gates, flown, strict=True)
     ]
     misfit, fraction = np.array(by_gate).swapaxes(0, 1)
@@ -308,17 +321,13 @@ def _meet_frame(flight: Flight, hits: _Hits, start: Point, end: Point, track: Tr
 
 
 def _frame_misfit(
-    gate: Gate, frame_width: float, place: tuple[np.ndarray, np.ndarray], segment: tuple[Point, Point]
+    gate: Gate, frame_width: float, places: Sequence[tuple[np.ndarray, np.ndarray]], segment: tuple[Point, Point]
 ) -> tuple[np.ndarray, np.ndarray]:
     """How far [m] segments are from striking a gate's frame, 0 for those that do, and the fraction at its plane.
 
-    `place` is its centre and yaw, pitch, roll in each race [3, R].
+    `places` are its centre and yaw, pitch, roll in each race [3, R] at both ends of the segments.
     """
-    centre, (yaw, pitch, roll) = place
-    heading, tilt = (np.cos(yaw), np.sin(yaw)), (np.cos(pitch), np.sin(pitch), np.cos(roll), np.sin(roll))
-    before, after = (
-        geometry.to_gate(heading, tuple(a - c for a, c in zip(point, centre, strict=True)), tilt) for point in segment
-    )
+    before, after = (_seen_from(place, point) for place, point in zip(places, segment, strict=True))
     length = after[0] - before[0]
     free = -before[0] / np.where(length == 0, 1.0, length)
     fraction = np.clip(free, 0.0, 1.0)
@@ -326,3 +335,10 @@ def _frame_misfit(
     offset = geometry.beyond_opening(left, up, gate.width / 2, gate.height / 2, gate.shape == "round")
     beyond = np.maximum(-offset, 0.0) + np.maximum(offset - frame_width, 0.0)
     return beyond + np.abs(free - fraction) * np.abs(length), fraction
+
+
+def _seen_from(place: tuple[np.ndarray, np.ndarray], point: Point) -> tuple[np.ndarray, ...]:
+    """Points in the frames of a gate: forward, left, up [m]."""
+    centre, (yaw, pitch, roll) = place
+    heading, tilt = (np.cos(yaw), np.sin(yaw)), (np.cos(pitch), np.sin(pitch), np.cos(roll), np.sin(roll))
+    return geometry.to_gate(heading, tuple(a - c for a, c in zip(point, centre, strict=True)), tilt)

@@ -20,6 +20,7 @@ from cruise.env.types import RaceState
 from cruise.errors import CruiseError
 from cruise.pilots.human import HUMAN
 from cruise.pilots.network import ActorCritic, NetworkShape
+from cruise.racing.motion import motion_row
 from cruise.storage.policy_file import PolicyMeta, save_policy
 from cruise.storage.race_log import COLLISIONS, EVENT_KINDS, RaceLog, load_race_log
 from cruise.vehicles import find_vehicle, name_of
@@ -103,13 +104,18 @@ def _of_people(log: RaceLog, config: TrainConfig, track: Track, vehicle: Vehicle
     gates = np.array([gate.position_w for gate in track.gates])
     if log.vehicle != vehicle.name or log.action.shape[2] != vehicle.action.size:
         raise CruiseError(f"--demonstrations were flown in {log.vehicle!r}, this run trains for {name_of(vehicle)!r}")
-    if log.gate_position.shape != gates.shape or not np.allclose(log.gate_position, gates, atol=SAME_PLACE):
+    motions = np.array([motion_row(gate.motion) for gate in track.gates])
+    if not (_same(log.gate_position, gates) and _same(log.gate_motion, motions)):
         raise CruiseError(f"--demonstrations were flown on {log.track!r}, this run trains on {track.name!r}")
     env = make_race_env(track, log.num_drones, vehicle)
     observed, actions = (np.asarray(values) for values in _seen(env, config.observation, state_of(env, log), log))
     for drone in people:
         flown = log.airborne[:, drone] & (log.time < _crash(log, drone) - BEFORE_A_CRASH)
         yield Samples(observed[:, drone, flown], actions[:, drone, flown])
+
+
+def _same(ours: np.ndarray, theirs: np.ndarray) -> bool:
+    return ours.shape == theirs.shape and np.allclose(ours, theirs, atol=SAME_PLACE)
 
 
 def _crash(log: RaceLog, drone: int) -> float:
@@ -139,9 +145,9 @@ def state_of(env: RaceEnv, log: RaceLog) -> RaceState:
     counts, samples = jnp.asarray(log.next_gate.T, jnp.int32), len(log.time)
     gone = jnp.asarray(~log.airborne.T)
     none = jnp.zeros_like(counts)
-    return RaceState(
-        drones._replace(body=body, memory=memory), counts, none, gone, jnp.zeros_like(gone), jnp.arange(samples)
-    )
+    none_finished, step = jnp.zeros_like(gone), jnp.arange(samples)
+    state = RaceState(drones._replace(body=body, memory=memory), counts, none, gone, none_finished, step)
+    return env.with_gates_at(state)
 
 
 def _rates(turns: Rotation, shape: tuple[int, ...], dt: float) -> Float[np.ndarray, "3 N T"]:

@@ -97,8 +97,12 @@ def pack_scenery(scenery: Scenery) -> dict[str, Any]:
 def _pack_gate(gate: Gate) -> dict[str, Any]:
     height = gate.width if gate.shape == "round" else gate.height
     turns = {"yaw": _number(gate.yaw), "pitch": _number(gate.pitch), "roll": _number(gate.roll)}
-    size = _numbers(np.array([gate.width, height]))
-    return {"position": _numbers(np.array(gate.position_w)), **turns, "size": size, "shape": gate.shape}
+    size, moves = _numbers(np.array([gate.width, height])), gate.motion
+    packed = {"position": _numbers(np.array(gate.position_w)), **turns, "size": size, "shape": gate.shape}
+    if moves is None:
+        return packed
+    numbers = {name: _number(getattr(moves, name)) for name in ("period", "swing", "phase")}
+    return packed | {"motion": numbers | {"sway": _numbers(np.array(moves.sway_w))}}
 
 
 def _pack_solid(solid: Outline) -> dict[str, Any]:

@@ -67,7 +67,7 @@ def _template() -> tuple[str, str, str]:
 
 
 def _same_gates(log: RaceLog, other: RaceLog) -> bool:
-    """Whether gates stand and lean alike."""
-    names = ("gate_position", "gate_roll", "gate_pitch")
+    """Whether gates stand, lean and move alike."""
+    names = ("gate_position", "gate_roll", "gate_pitch", "gate_motion")
     pairs = [(getattr(log, name), getattr(other, name)) for name in names]
     return all(a.shape == b.shape and np.allclose(a, b, atol=SAME_PLACE) for a, b in pairs)

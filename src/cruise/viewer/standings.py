@@ -6,6 +6,8 @@ import numpy as np
 
 from cruise.evaluation.metrics import RaceResult, crash_times, crossing_times, overtakes, race_result
 from cruise.racing.events import COLLISION_KINDS, EventKind
+from cruise.racing.motion import gate_at
+from cruise.storage.log_track import gates_of
 from cruise.storage.race_log import RaceLog
 
 NAN = float("nan")
@@ -66,7 +68,8 @@ def _row(course: Course, drone: int, t: float) -> tuple[Standing, float, float]:
 def _distance_to_first_gate(log: RaceLog, drone: int, t: float) -> float:
     """Orders the grid [m]."""
     sample = min(int(np.searchsorted(log.time, t)), len(log.time) - 1)
-    return float(np.linalg.norm(log.position_w[sample, drone] - log.gate_position[log.next_gate[0, 0]]))
+    gate = gate_at(gates_of(log)[log.next_gate[0, 0]], t)
+    return float(np.linalg.norm(log.position_w[sample, drone] - gate.position_w))
 
 
 def commentary(course: Course) -> list[tuple[float, str]]:

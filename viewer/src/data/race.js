@@ -1,6 +1,7 @@
 // One race: its drones, and who is where in the order at any time.
 
 import { countUntil, Flight } from "./flight.js";
+import { gateAt } from "./motion.js";
 import { unpackSamples } from "./samples.js";
 
 const PAST = 0.45; // the direction of flight is that from here ... [s]
@@ -58,7 +59,7 @@ export class Race {
     const { crossings } = drone;
     const passed = countUntil(crossings, t);
     const state = drone.flight.at(t);
-    const next = this.gates[this.gateOf(passed + 1)].position;
+    const next = gateAt(this.gates[this.gateOf(passed + 1)], t).position;
     return {
       drone,
       passed,
@@ -91,7 +92,7 @@ export class Race {
     const way = [b[0] - a[0], b[1] - a[1]];
     const length = Math.hypot(...way);
     if (length < STANDING) {
-      const gate = this.gates[this.gateOf(countUntil(drone.crossings, t) + 1)].position;
+      const gate = gateAt(this.gates[this.gateOf(countUntil(drone.crossings, t) + 1)], t).position;
       const here = flight.at(t).position;
       const toGate = [gate[0] - here[0], gate[1] - here[1]];
       const distance = Math.hypot(...toGate) || 1;

@@ -1,6 +1,7 @@
 // Flying: what comes from the race, what goes to it, and a picture for every frame.
 
 import { Vector3 } from "three";
+import { gateAt } from "../data/motion.js";
 import { Hud } from "./hud.js";
 import { Input } from "./input.js";
 import { Line } from "./line.js";
@@ -218,7 +219,7 @@ export class Fly {
     const racing = !row || row.status === "flying";
     const subject = racing ? this.own : (this.rows.find(({ status }) => status === "flying")?.drone ?? this.own);
     const state = scene.flights[subject ?? 0].at(t);
-    const target = row && racing ? gate.set(...scene.gates[scene.gateAfter(row.passed)].position) : null;
+    const target = row && racing ? gate.set(...gateAt(scene.gates[scene.gateAfter(row.passed)], t).position) : null;
     const inside = racing && !this.chase && this.own !== null;
     const { uptilt, fov } = this.settings.value;
     this.camera.project(scene.stage, inside ? (fov ?? 100) : 90);

@@ -2,6 +2,7 @@
 
 import { MathUtils, Matrix4, Quaternion, Vector3 } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
+import { poses } from "../data/motion.js";
 import { rim } from "./gates.js";
 import { cornersOf } from "./solids.js";
 
@@ -41,7 +42,7 @@ export class Cameras {
 
   /** What the free camera and the one above must show: the track's gates down to the ground. */
   frame(race) {
-    const rims = race.gates.flatMap((gate) => rim(gate, race.frame_width + ROOM));
+    const rims = race.gates.flatMap(poses).flatMap((gate) => rim(gate, race.frame_width + ROOM));
     const tops = rims.map(({ x, y, z }) => new Vector3(x, y, z + SPARE));
     const highest = Math.max(...rims.map(({ z }) => z)) + TALLEST;
     const corners = race.solids.flatMap(cornersOf);

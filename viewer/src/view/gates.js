@@ -19,6 +19,7 @@ import {
   Vector3,
 } from "three";
 import { mergeGeometries } from "three/addons/utils/BufferGeometryUtils.js";
+import { gateAt } from "../data/motion.js";
 
 const DEPTH = 0.12; // of a frame along the direction of flight; the simulated one has none [m]
 const STRIP = 0.05; // width of the strip of light [m]
@@ -30,8 +31,13 @@ export class Gates {
     this.frameMaterial = new MeshStandardMaterial({ roughness: 0.7, metalness: 0.0 });
     this.lineMaterial = new LineBasicMaterial({ transparent: true, opacity: 0.5 });
     this.arrowMaterial = new MeshBasicMaterial({ transparent: true, opacity: 0.55, side: DoubleSide });
-    this.gates = race.gates.map((gate) => this.#build(gate, race.frame_width));
-    this.#addAll(race.gates, race.frame_width);
+    this.frame = race.frame_width;
+    this.gates = race.gates.map((gate) => this.#build(gate));
+    this.#add(
+      this.group,
+      race.gates.filter(({ motion }) => !motion),
+    );
+    this.moving = race.gates.flatMap((gate, index) => (gate.motion ? [this.#mover(gate, index)] : []));
     this.crossings = race.gates.map(() => []); // {time, drone} of every gate
     for (const drone of race.racers)
       drone.crossings.forEach((time, k) => this.crossings[race.gateOf(k + 1)].push({ time, drone }));
@@ -40,25 +46,49 @@ export class Gates {
   }
 
   /** What has a colour of its own. */
-  #build(gate, frame) {
-    const [x, y] = gate.position;
-    const strip = new MeshBasicMaterial();
-    this.group.add(new Mesh(border(gate, 0, STRIP, DEPTH + 0.02), strip));
-    return { position: gate.position, top: [x, y, Math.max(...rim(gate, frame).map(({ z }) => z))], strip };
+  #build(gate) {
+    const strip = new Mesh(border(gate, 0, STRIP, DEPTH + 0.02), new MeshBasicMaterial());
+    this.group.add(strip);
+    return { top: topOf(gate, this.frame), light: strip.material, strip };
   }
 
-  /** The rest of all gates, each kind drawn at once: what costs time is how often something is drawn. */
-  #addAll(gates, frame) {
-    const beam = Math.max(frame - STRIP, 0.01);
+  /** The rest of some gates, each kind drawn at once: what costs time is how often something is drawn. */
+  #add(group, gates) {
+    if (!gates.length) return [];
+    const beam = Math.max(this.frame - STRIP, 0.01);
     const all = (build) => mergeGeometries(gates.map(build).map((one) => (one.index ? one.toNonIndexed() : one)));
-    this.group.add(
+    const parts = [
       new Mesh(
         all((gate) => border(gate, STRIP, beam, DEPTH)),
         this.frameMaterial,
       ),
-      new LineSegments(mergeGeometries(gates.map((gate) => stilts(gate, frame))), this.lineMaterial),
+      new LineSegments(mergeGeometries(gates.map((gate) => stilts(gate, this.frame))), this.lineMaterial),
       new Mesh(all(arrow), this.arrowMaterial),
-    );
+    ];
+    group.add(...parts);
+    return parts;
+  }
+
+  /** A gate that moves: strip and frame are carried along, lines to the ground and arrow drawn anew. */
+  #mover(gate, index) {
+    const [frame, lines, arrows] = this.#add(this.group, [gate]);
+    const carried = [this.gates[index].strip, frame];
+    carried.forEach((mesh) => (mesh.matrixAutoUpdate = false));
+    return { gate, index, carried, lines, arrows, fromRest: placed(gate).matrixWorld.invert() };
+  }
+
+  #move({ gate, index, carried, lines, arrows, fromRest }, t) {
+    const now = gateAt(gate, t);
+    const { matrixWorld } = placed(now);
+    for (const mesh of carried) {
+      mesh.matrix.multiplyMatrices(matrixWorld, fromRest);
+      mesh.matrixWorldNeedsUpdate = true;
+    }
+    lines.geometry.dispose();
+    lines.geometry = stilts(now, this.frame);
+    arrows.geometry.dispose();
+    arrows.geometry = arrow(now);
+    this.gates[index].top.copy(topOf(now, this.frame));
   }
 
   paint(theme) {
@@ -71,10 +101,11 @@ export class Gates {
 
   /** Light the gate that `next` (an index, or -1) flies to, and those just flown through in the colour of the drone. */
   update(t, next, colourOf) {
-    this.gates.forEach(({ strip }, index) => {
-      strip.color.copy(index === next ? this.colours.next : this.colours.idle);
+    this.moving.forEach((mover) => this.#move(mover, t));
+    this.gates.forEach(({ light }, index) => {
+      light.color.copy(index === next ? this.colours.next : this.colours.idle);
       const last = lastBefore(this.crossings[index], t);
-      if (last && t - last.time < GLOW) strip.color.lerp(colourOf(last.drone), 1 - ((t - last.time) / GLOW) ** 2);
+      if (last && t - last.time < GLOW) light.color.lerp(colourOf(last.drone), 1 - ((t - last.time) / GLOW) ** 2);
     });
   }
 }
@@ -103,6 +134,12 @@ export function rim(gate, beyond = 0) {
   const [side, height] = gate.size.map((size) => size / 2 + beyond);
   const corners = gate.shape === "round" ? ROUND : SQUARE;
   return corners.map(([y, z]) => new Vector3(0, y * side, z * height).applyMatrix4(matrixWorld));
+}
+
+/** Above the middle of a gate, as high as its frame. */
+function topOf(gate, frame) {
+  const [x, y] = gate.position;
+  return new Vector3(x, y, Math.max(...rim(gate, frame).map(({ z }) => z)));
 }
 
 const SQUARE = [

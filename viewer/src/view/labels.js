@@ -1,7 +1,5 @@
 // Names of gates and drones, written over the picture at a size that does not change with distance.
 
-import { Vector3 } from "three";
-
 const AWAY = 26; // of a drone's label from the drone [px]
 const SIZE = 20; // of a drone's label, with the space round it [px]
 const SPOTS = [-90, -45, -135, 0, 180, 90].map((degrees) => (degrees * Math.PI) / 180); // where it may be, best first
@@ -18,7 +16,7 @@ export class Labels {
     this.gates = gates.gates.map(({ top }, index) => {
       const label = this.#add("gate-label", String(index + 1));
       if (index === race.first_gate) label.append(start());
-      return { label, place: new Vector3(...top) };
+      return { label, place: top };
     });
     this.drones = race.drones.map((drone) => ({ drone, label: this.#add("drone-label", String(drone.number)) }));
     this.drones.forEach(({ drone, label }) => label.classList.toggle("ghost", drone.ghost));

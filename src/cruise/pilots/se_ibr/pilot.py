@@ -22,6 +22,7 @@ from cruise.pilots.se_ibr.settings import Setting, style_of
 from cruise.pilots.se_ibr.tracking import Moment, Tracker, tracker_of
 from cruise.pilots.se_ibr.trajectory import make_trajectory
 from cruise.racing.field import rows
+from cruise.racing.motion import must_stand_still
 from cruise.vector import norm
 from cruise.vehicles import find_vehicle, fly_alike, reference_to
 
@@ -70,6 +71,7 @@ class SeIbrPilot(eqx.Module):
         if not fly_alike(vehicle, env.vehicle):
             raise CruiseError(f"pilot {self.name!r} flies vehicle {vehicle.name!r}, which is not the one of this race")
         must_know(env.track, self.name)
+        must_stand_still(env.track, f"pilot {self.name!r} plans along")
         line = make_centre_line(env.track)
         style = self.style if isinstance(self.style, Style) else style_of(self.style, env.track, vehicle)
         style = Style(*(_per_drone(value, state.next_gate.ndim) for value in style))

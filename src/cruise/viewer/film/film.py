@@ -43,8 +43,8 @@ def frames(
     said = commentary(course)
     for t in times:
         order = standings(course, t)
-        picture = paint_scene(scene, [_drone(flights[row.drone], row, t) for row in order], _strips(log, t, order))
-        write_over(picture, course, (stage, camera), t, order)
+        picture = paint_scene(scene, [_drone(flights[row.drone], row, t) for row in order], _strips(log, t, order), t)
+        write_over(picture, course, (stage.at(t), camera), t, order)
         places = np.stack([flight.position_at(t) for flight in flights])
         write_names(picture, places, order, camera, LEAST * size[1] / 2 + Layout.of(size[0]).text)
         write_comment(picture, said, t)

@@ -46,11 +46,12 @@ class Drone(NamedTuple):
 
 
 class Scene(NamedTuple):
-    """What does not change from moment to moment."""
+    """A race's surroundings, and what of their picture does not change from moment to moment."""
 
     camera: Camera  # of the fine picture
     background: Image.Image  # fine
-    pieces: tuple[Piece, ...]  # of gates and solids
+    pieces: tuple[Piece, ...]  # of solids, and of gates that stand still
+    stage: Scenery
 
 
 def make_scene(stage: Scenery, size: tuple[int, int], margins: Margins) -> Scene:
@@ -58,22 +59,22 @@ def make_scene(stage: Scenery, size: tuple[int, int], margins: Margins) -> Scene
     camera = fit_camera(scenery.must_be_seen(stage), size, margins)
     ground = Image.fromarray(paint_ground(camera, np.array([gate.position_w for gate in stage.gates])))
     fine = camera.scaled(FINE)
-    pieces = [
-        piece for number, gate in enumerate(stage.gates) for piece in _gate(fine, gate, number, stage.frame_width)
-    ]
+    pieces = list(_gates(fine, stage, [gate.motion is None for gate in stage.gates]))
     pieces += [piece for solid in stage.solids for patch in scenery.patches(solid) for piece in _patch(fine, patch)]
-    return Scene(fine, ground.resize(fine.size, Image.Resampling.NEAREST), tuple(pieces))
+    return Scene(fine, ground.resize(fine.size, Image.Resampling.NEAREST), tuple(pieces), stage)
 
 
-def paint_scene(scene: Scene, drones: Sequence[Drone], strips: Sequence[Colour]) -> Image.Image:
-    """The race at a moment, as large as it is shown; `strips` are the colours of the gates' lights."""
+def paint_scene(scene: Scene, drones: Sequence[Drone], strips: Sequence[Colour], time: float) -> Image.Image:
+    """The race at a time [s], as large as it is shown; `strips` are the colours of the gates' lights."""
     picture = scene.background.copy()
     draw = ImageDraw.Draw(picture)
     for drone in drones:
         for piece in _shadow(scene.camera, drone):
             _paint(draw, piece, strips)
+    stage = scene.stage
+    gates = _gates(scene.camera, stage.at(time), [gate.motion is not None for gate in stage.gates])
     moving = (piece for drone in drones for piece in (*_trail(scene.camera, drone), *_body(scene.camera, drone)))
-    for piece in sorted((*scene.pieces, *moving), key=lambda piece: -piece.depth):
+    for piece in sorted((*scene.pieces, *gates, *moving), key=lambda piece: -piece.depth):
         _paint(draw, piece, strips)
     return picture.reduce(FINE)
 
@@ -88,6 +89,12 @@ def _paint(draw: ImageDraw.ImageDraw, piece: Piece, strips: Sequence[Colour]) ->
 
 def _points(pixels: np.ndarray) -> list[tuple[float, float]]:
     return [(float(x), float(y)) for x, y in pixels]
+
+
+def _gates(camera: Camera, stage: Scenery, wanted: Sequence[bool]) -> Iterator[Piece]:
+    for number, gate in enumerate(stage.gates):
+        if wanted[number]:
+            yield from _gate(camera, gate, number, stage.frame_width)
 
 
 def _gate(camera: Camera, gate: Gate, number: int, frame_width: float) -> Iterator[Piece]:

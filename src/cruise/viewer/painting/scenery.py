@@ -7,6 +7,7 @@ import numpy as np
 
 from cruise import geometry
 from cruise.config import Gate, Track
+from cruise.racing.motion import gates_at, poses
 from cruise.racing.shapes import ROUND, opening
 from cruise.racing.solids import Outline, outlines
 from cruise.storage.log_track import gates_of, solids_of
@@ -24,6 +25,10 @@ class Scenery(NamedTuple):
     gates: tuple[Gate, ...]
     frame_width: float  # [m]
     solids: tuple[Outline, ...]
+
+    def at(self, time: float) -> "Scenery":
+        """As it is at a time [s], nothing moving."""
+        return self._replace(gates=gates_at(self.gates, time))
 
 
 class Patch(NamedTuple):
@@ -106,8 +111,9 @@ def _placed(solid: Outline, corners: np.ndarray, normal: np.ndarray) -> Patch:
 
 def must_be_seen(scenery: Scenery) -> np.ndarray:
     """Points that a view of the whole shows: gates with numbers above them, down to the ground, and solids [P, 3]."""
-    rims = np.concatenate([opening(gate, scenery.frame_width) for gate in scenery.gates])
-    above = np.stack([[*gate.position_w[:2], opening(gate)[:, 2].max() + SPARE] for gate in scenery.gates])
+    gates = [pose for gate in scenery.gates for pose in poses(gate)]
+    rims = np.concatenate([opening(gate, scenery.frame_width) for gate in gates])
+    above = np.stack([[*gate.position_w[:2], opening(gate)[:, 2].max() + SPARE] for gate in gates])
     parts = [rims, above, rims * (1.0, 1.0, 0.0)]
     for solid in scenery.solids:
         corners = np.concatenate([patch.corners_w for patch in patches(solid)])
