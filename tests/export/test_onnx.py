@@ -263,6 +263,8 @@ def test_policies_that_cannot_be_exported():
         assert message in str(error.value)
     with pytest.raises(CruiseError, match=r"'random' is another track in every race: choose the one .* \(--track\)"):
         files.Exporter.of(policy_of("agile-alone"), load_track("random"))
+    with pytest.raises(CruiseError, match="gates that stand still, and those of 'moving' move"):
+        files.Exporter.of(policy_of("agile-alone"), TRACKS["moving"])
 
 
 def test_a_file_that_knows_upright_gates_alone_is_not_flown_through_others(models):
