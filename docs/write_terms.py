@@ -17,6 +17,8 @@ VEHICLES_SHOWN = {
     "body-near": ("racer",),
     "body-placed": ("racer",),
     "body-far": ("racer",),
+    "racing": ("racer",),
+    "racing-far": ("racer",),
 }
 TRACK, DRONES = "ring", 2
 

@@ -310,8 +310,8 @@ class Stage:
 class RewardWeights:
     """Weights of the reward's components that do not change with the stage.
 
-    `--reward-preset paper` has the printed values; `w_edge` and `w_near`, which the paper does not have, are 0 there.
-    `docs/reward.md` has the equations and why the default differs.
+    `--reward-preset paper` has the printed values; `w_edge`, `w_beside` and `w_near`, which it does not have, are 0
+    there. `docs/reward.md` has the equations and why the default differs.
     """
 
     w_prox: float = 0.0  # Weight of the proximity term `prox`.
@@ -329,6 +329,8 @@ class RewardWeights:
     gate_bonus: float = 10.0  # Reward of a step that passes a gate; replaces the flight terms.
     w_edge: float = 40.0  # Penalty per metre that a crossing is nearer to the frame than `edge_margin`.
     edge_margin: float = 0.2  # Distance from the frame that costs nothing [m].
+    w_beside: float = 0.0  # Penalty per metre that a way past a gate is nearer to its frame than `beside_margin`.
+    beside_margin: float = 0.4  # Distance from the outside of a frame that costs nothing [m].
     w_near: float = 0.5  # Penalty per metre that the nearest opponent is closer than `near_distance`.
     near_distance: float = 1.2  # Distance from an opponent that costs nothing [m].
     clip: float = 1.0  # Limit of each step's sum, on both sides; a gate's bonus is limited to its own size.

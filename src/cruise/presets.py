@@ -112,6 +112,7 @@ REWARDS: dict[str, RewardWeights] = {
         gate_bonus=1.0,
         w_edge=15.0,
         edge_margin=0.25,
+        w_beside=15.0,
         w_near=0.3,
         near_distance=1.5,
         terminal=-20.0,
@@ -196,17 +197,17 @@ def _cascade_recipe(vehicle: Vehicle, drones: int) -> TrainConfig:
 
 
 def _agile_recipe(vehicle: Vehicle, drones: int) -> TrainConfig:
-    alone = drones == 1  # what is measured for a drone alone, docs/learning.md, is not for fields
+    alone = drones == 1
     return TrainConfig(
         drones=drones,
-        observation="body",
-        critic_observation="body-far" if alone else "",
+        observation="racing",
+        critic_observation="racing-far",
         episode_steps=600 if alone else 300,  # 12 s; with others 6 s, because fields soon draw out
         reward=REWARDS["agile"],
         ppo=PPOConfig(
             gamma=0.995,
-            gae_lambda=0.98 if alone else 0.95,
-            value_loss="relative" if alone else "absolute",
+            gae_lambda=0.98,
+            value_loss="relative",
             entropy_weight=0.0,
             hidden=(128, 128),
             initial_log_std=-0.3,
@@ -215,6 +216,6 @@ def _agile_recipe(vehicle: Vehicle, drones: int) -> TrainConfig:
         opponents=SelfPlayConfig(vary_field=True, sparring_share=0.2, evaluation_steps=1000),  # 20 s
         # Alone, a drone flies on for 12 s and sees the whole of a track that it starts at one place of.
         spread_starts=0.0 if alone else 0.5,
-        retry_share=0.5 if alone else 0.0,
+        retry_share=0.5 if alone else 0.25,
         randomisation=training_randomisation(vehicle, 0.5),
     )

@@ -1,4 +1,4 @@
-"""The paper's reward (Sec. 3.2.2) and the project's two additions: one function per equation, terms that weigh them."""
+"""The paper's reward (Sec. 3.2.2) and the project's additions: one function per equation, terms that weigh them."""
 
 import functools
 
@@ -8,10 +8,12 @@ from jaxtyping import Array, Float
 from cruise.config import RewardWeights
 from cruise.env.step_view import StepView
 from cruise.racing.field import over_opponents
+from cruise.racing.gates import cross_opening
 from cruise.terms import RewardTerm
 from cruise.vector import dot, norm
 
 EPSILON = 1e-6
+LAST = -1  # so many gates ahead is the one that was passed last
 
 
 def proximity(distance: Float[Array, "*B"], decay: float, reach: float) -> Float[Array, "*B"]:
@@ -53,6 +55,7 @@ def reward_terms(weights: RewardWeights) -> tuple[RewardTerm, ...]:
         RewardTerm("speed", "flight", w.w_speed, functools.partial(_speed, w), SPEED),
         RewardTerm("gate", "passing", w.gate_bonus, lambda step: jnp.ones_like(step.speed), "1"),
         RewardTerm("edge", "passing", -w.w_edge, functools.partial(_outside, w), EDGE),
+        RewardTerm("beside", "flight", -w.w_beside, functools.partial(_beside, w), BESIDE),
         RewardTerm("near", "interaction", -w.w_near, functools.partial(_too_near, w), NEAR),
         RewardTerm("coll", "interaction", lambda rules: -rules.w_coll, lambda step: step.collided, "1 in a collision"),
         RewardTerm("over", "interaction", lambda rules: rules.w_over, functools.partial(_overtaken, w), OVER),
@@ -63,6 +66,7 @@ PROX = "2 (exp(-a x) - exp(-a)) / (1 - exp(-a)) - 1 with x = distance to the gat
 PROG = "beta (distance before - distance after) with beta = `progress_scale`"
 SPEED = "-abs(v - v_min), counted from `speed_zero_at`"
 EDGE = "metres that the crossing lies outside the opening shrunk by `edge_margin`"
+BESIDE = "metres that a way past the target, or past the gate before it, is nearer to the frame than `beside_margin`"
 NEAR = "metres that the nearest opponent is closer than `near_distance`"
 OVER = "opponents within `overtake_range` that fell behind in this step"
 
@@ -97,6 +101,17 @@ def _speed(weights: RewardWeights, step: StepView) -> Float[Array, "N *B"]:
 
 def _outside(weights: RewardWeights, step: StepView) -> Float[Array, "N *B"]:
     return jnp.maximum(step.crossing.offset + weights.edge_margin, 0.0)
+
+
+def _beside(weights: RewardWeights, step: StepView) -> Float[Array, "N *B"]:
+    """Of the planes of both gates, in either direction: who turns back past a frame must keep clear of it, too."""
+    view, total = step.before, jnp.zeros(step.airborne.shape)
+    for ahead in (0, LAST):
+        plane = cross_opening(view.gate(ahead), step.start_w, step.end_w)
+        room = plane.offset - view.course.frame_width
+        lacks = jnp.clip(weights.beside_margin - room, 0.0, weights.beside_margin)
+        total += jnp.where((plane.ahead | plane.back) & (plane.offset > 0), lacks, 0.0)
+    return total
 
 
 def _too_near(weights: RewardWeights, step: StepView) -> Float[Array, "N *B"]:

@@ -109,11 +109,12 @@ class View(Sharing):
         return jnp.stack([dot(self.rotation[:, axis], vector_w) for axis in range(3)])
 
     def gate_index(self, ahead: int = 0) -> Int[Array, "N *B"]:
-        """Which gate is the target, or so many after it."""
+        """Which gate is the target, or so many after it; -1 is the one before it."""
+        ahead %= self.num_gates  # none of them is negative, whatever remainder is taken
         if is_plain() and ahead:
             later = self.state.next_gate + ahead
-            return jax.lax.rem(later, jnp.full_like(later, self.course.num_gates))  # none of them is negative
-        return self.state.next_gate if ahead == 0 else (self.state.next_gate + ahead) % self.course.num_gates
+            return jax.lax.rem(later, jnp.full_like(later, self.num_gates))
+        return self.state.next_gate if ahead == 0 else (self.state.next_gate + ahead) % self.num_gates
 
     def gate(self, ahead: int = 0) -> Opening:
         """The target gate of every drone, or the one so many after it."""

@@ -36,6 +36,7 @@ SAMPLES = 160  # of every way that is looked at, some 5 cm apart
 ATTEMPTS = 1000
 USUAL_GATES = 8
 UNSEEN, TRAINING, MANY = 100, 500, 1000
+EASE = 0.5  # of the tracks of `any`: what is hard to learn, gates one above the other, is rare on easy ones
 SEEDS = 1000  # of the tracks of one seed of `random_tracks`
 FRAME_WIDTH = 0.3  # [m]
 STEEPEST_TILT = math.radians(60)
@@ -89,20 +90,22 @@ def training_track(config: TrainConfig) -> Track:
         CruiseError: as `load_track` does.
     """
     if config.track == ANY:
-        return dataclasses.replace(random_tracks(config.seed + 1, MANY, kind=ANY), reshaped=True)
+        return dataclasses.replace(random_tracks(config.seed + 1, MANY, kind=ANY, ease=EASE), reshaped=True)
     if config.track in RANDOM_KINDS:
         return random_tracks(config.seed + 1, TRAINING, kind=config.track)
     return load_track(config.track)
 
 
 @functools.lru_cache(maxsize=4)
-def random_tracks(seed: int, number: int, gates: int = USUAL_GATES, kind: str = RANDOM) -> Track:
+def random_tracks(seed: int, number: int, gates: int = USUAL_GATES, kind: str = RANDOM, ease: float = 1.0) -> Track:
     """One track of `number` variants, of evenly rising difficulty, of which every race gets one.
 
-    `kind` is one of `RANDOM_KINDS`.
+    `kind` is one of `RANDOM_KINDS`. Difficulty is an even share from 0 to 1 to the power of `ease`: below 1 there are
+    more hard tracks than easy ones.
     """
     solids, tilt = RANDOM_KINDS[kind]
-    tracks = [random_track(SEEDS * seed + k, gates, (k + 0.5) / number, solids, tilt) for k in range(number)]
+    shares = ((k + 0.5) / number for k in range(number))
+    tracks = [random_track(SEEDS * seed + k, gates, share**ease, solids, tilt) for k, share in enumerate(shares)]
     every = _track(kind, tuple(gate for track in tracks for gate in track.gates))
     widest = max(track.leave_distance for track in tracks)
     return dataclasses.replace(
