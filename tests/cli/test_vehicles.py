@@ -48,7 +48,7 @@ def test_the_vehicle_decides_the_defaults_of_training(capsys):
     assert config_of("--seed", "0", "--vehicle", "racer") == training_config("racer")
     assert config_of("--vehicle=crazyflie", "--seed", "0") == training_config("crazyflie")
     assert main(["train", "--vehicle", "racer", "--help"]) == 0
-    assert "(default: body)" in " ".join(capsys.readouterr().out.split())
+    assert "(default: racing)" in " ".join(capsys.readouterr().out.split())
 
 
 def test_the_number_of_drones_decides_how_boldly_they_learn(capsys):
@@ -79,13 +79,16 @@ def test_the_value_of_another_flag_decides_no_defaults():
     assert config_of("--reward-preset", "paper", "--episodes", "2").ppo == training_config("paper").ppo
 
 
-def test_a_policy_to_start_from_decides_what_the_value_network_sees():
-    alone = ("--vehicle", "racer", "--drones", "1")
-    assert config_of(*alone).critic_observation == "body-far"
-    assert config_of(*alone, "--start-from", "racer-random").critic_observation == ""
-    assert (
-        config_of(*alone, "--start-from", "racer-random", "--critic-observation", "body").critic_observation == "body"
-    )
+def test_a_policy_to_start_from_decides_what_the_networks_see():
+    def seen(*flags):
+        config = config_of("--vehicle", "racer", "--drones", "1", *flags)
+        return config.observation, config.critic_observation
+
+    before = ("--start-from", "racer-random")
+    assert seen() == ("racing", "racing-far")
+    assert seen(*before) == ("body", "")
+    assert seen(*before, "--critic-observation", "body-far") == ("body", "body-far")
+    assert seen(*before, "--observation", "racing") == ("racing", "")
 
 
 @pytest.mark.parametrize("name", VEHICLES)

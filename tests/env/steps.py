@@ -12,7 +12,9 @@ from cruise.racing.gates import Crossing
 
 
 class GivenGate(View):
-    """A view of drones whose target gate is given: its centre, heading and half size."""
+    """A view of drones whose target gate, and that before it, is given: its centre, heading and half size."""
+
+    frame_width = 0.3
 
     def __init__(self, state, centre_w, heading_w, half_size):
         self.state, self._kept = state, {}

@@ -22,12 +22,16 @@ GATES = np.array([g.position_w for g in RING.gates])
 YAWS = np.array([g.yaw for g in RING.gates])
 
 
-def random_step(seed: int = 0) -> dict[str, np.ndarray]:
-    """A step that never flew: before and after are unrelated, so that every sign occurs. [3, N, E] and [N, E]."""
+def random_step(seed: int = 0, at_gate: bool = False) -> dict[str, np.ndarray]:
+    """A step that never flew: before and after are unrelated, so that every sign occurs. [3, N, E] and [N, E].
+
+    It begins near one gate, whichever the target is, or near the target.
+    """
     rng = np.random.default_rng(seed)
     shape = (3, DRONES, RACES)
     gate = rng.integers(5, size=shape[1:])
-    p0 = rng.uniform(-2, 2, shape) + np.array([8.0, 0, 4.0])[:, None, None]
+    around = GATES[gate].transpose(2, 0, 1) if at_gate else np.array([8.0, 0, 4.0])[:, None, None]
+    p0 = rng.uniform(-2, 2, shape) + around
     v0, v1 = (rng.normal(size=shape) * rng.choice([0.0, 1.0, 6.0], shape[1:]) for _ in range(2))
     return {
         "p0": p0,
@@ -75,7 +79,20 @@ def speed_paid(w: RewardWeights, velocity: np.ndarray) -> float:
     return paper.r_speed(velocity, STAGE.v_min) - (at_rest if w.speed_zero_at == "rest" else 0.0)
 
 
+def lacks_room(w: RewardWeights, s: dict[str, np.ndarray], i: int) -> float:
+    """How much nearer than its margin a step goes by the frame of a gate of 2 m, in either direction."""
+    forward = np.append(s["normal"][:, i], 0.0)
+    left = np.cross([0, 0, 1], forward)
+    before, after = (s[point][:, i] - s["gate"][:, i] for point in ("p0", "p1"))
+    if (before @ forward < 0) == (after @ forward < 0):
+        return 0.0
+    there = before + (after - before) * (before @ forward) / ((before - after) @ forward)
+    beyond = max(abs(there @ left), abs(there[2])) - 1.0
+    return float(np.clip(w.beside_margin - (beyond - 0.3), 0.0, w.beside_margin)) if beyond > 0 else 0.0
+
+
 FORMULAS = {
+    "beside": lambda w, s, i: -w.w_beside * 2 * lacks_room(w, s, i),  # the gate before the target is the same gate
     "prox": lambda w, s, i: w.w_prox * paper.r_prox(to_go(w, s, i, "p1"), w.proximity_decay),
     "prog": lambda w, s, i: w.w_prog * paper.r_prog(to_go(w, s, i, "p0"), to_go(w, s, i, "p1"), w.progress_scale),
     "align": lambda w, s, i: -w.w_align * paper.r_align(s["p1"][:, i], s["v1"][:, i], s["gate"][:, i]),
@@ -87,10 +104,10 @@ WEIGHTS = {**REWARDS, "opening": replace(REWARDS["paper"], progress_to="opening"
 @pytest.mark.parametrize("preset", WEIGHTS)
 @pytest.mark.parametrize("name", FORMULAS)
 def test_flight_terms_are_the_papers(name: str, preset: str) -> None:
-    weights, step = replace(WEIGHTS[preset], pay_up_to_v_min=False), random_step(1)
+    weights, step = replace(WEIGHTS[preset], pay_up_to_v_min=False), random_step(1, at_gate=name == "beside")
     expected = each_drone(step, lambda s, i: FORMULAS[name](weights, s, i))
     np.testing.assert_allclose(components_of(weights, step)[name], expected, atol=2e-5)
-    if preset == "paper":
+    if preset == ("agile" if name == "beside" else "paper"):
         assert np.ptp(expected) > 0.1
 
 

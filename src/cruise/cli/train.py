@@ -84,7 +84,7 @@ class Train:
         vehicle = find_vehicle(asked.config.vehicle)
         config = training_config(vehicle, asked.config.drones)
         if asked.config.start_from:
-            config = dataclasses.replace(config, critic_observation=_critic_of(asked.config.start_from, config))
+            config = _seeing_as(asked.config.start_from, config)
         if asked.randomise is not None:
             config = dataclasses.replace(config, randomisation=training_randomisation(vehicle, asked.randomise))
         return cls(config=config)
@@ -179,11 +179,12 @@ class Train:
             )
 
 
-def _critic_of(policy: str, config: TrainConfig) -> str:
-    """What the value network of a policy observed; where there is no such policy the run will say so."""
+def _seeing_as(policy: str, config: TrainConfig) -> TrainConfig:
+    """With what a policy and its value network observed; where there is no such policy the run will say so."""
     from cruise.storage.policy_file import read_meta  # noqa: PLC0415  (imports JAX)
 
     try:
-        return read_meta(policy).critic_observation
+        meta = read_meta(policy)
     except CruiseError:
-        return config.critic_observation
+        return config
+    return dataclasses.replace(config, observation=meta.observation, critic_observation=meta.critic_observation)

@@ -108,7 +108,7 @@ def _beside(weights: RewardWeights, step: StepView) -> Float[Array, "N *B"]:
     view, total = step.before, jnp.zeros(step.airborne.shape)
     for ahead in (0, LAST):
         plane = cross_opening(view.gate(ahead), step.start_w, step.end_w)
-        room = plane.offset - view.course.frame_width
+        room = plane.offset - view.frame_width
         lacks = jnp.clip(weights.beside_margin - room, 0.0, weights.beside_margin)
         total += jnp.where((plane.ahead | plane.back) & (plane.offset > 0), lacks, 0.0)
     return total

@@ -108,6 +108,11 @@ class View(Sharing):
             return jnp.sum(self.rotation * vector_w[:, None], axis=0)
         return jnp.stack([dot(self.rotation[:, axis], vector_w) for axis in range(3)])
 
+    @property
+    def frame_width(self) -> Float[Array, ""]:
+        """Of the solid border around every opening [m]."""
+        return self.course.frame_width
+
     def gate_index(self, ahead: int = 0) -> Int[Array, "N *B"]:
         """Which gate is the target, or so many after it; -1 is the one before it."""
         ahead %= self.num_gates  # none of them is negative, whatever remainder is taken
