@@ -208,6 +208,7 @@ def _agile_recipe(vehicle: Vehicle, drones: int) -> TrainConfig:
             gamma=0.995,
             gae_lambda=0.98,
             value_loss="relative",
+            after_crash="nothing",  # with the value of a restart, a drone that starts low learns to dive and start anew
             entropy_weight=0.0,
             hidden=(128, 128),
             initial_log_std=-0.3,
