@@ -115,33 +115,34 @@ EXTRA.figure-eight-4 := $(FAST)
 EXTRA.figure-eight-2 := $(FAST) --w-speed 0.01 --edge-margin 0.1 --seed 2
 # VEHICLE-TRACK: for fields of any size, but racer-figure-eight and racer-random, which are for a drone alone.
 # VEHICLE-TRACK-field: for fields where VEHICLE-TRACK is for a drone alone.
-# Made before a drone alone was judged with more sight and tried again after crashes.
-FORMER := --value-loss absolute --retry-share 0 --critic-observation ''
+# Made before the recipe of today: it sees less, is judged with no more sight, and starts anew after every crash.
+FORMER := --critic-observation '' --value-loss absolute --retry-share 0 --after-crash restart --w-beside 0
+BODY := --observation body $(FORMER)
 # racer-ring goes on from racer-ring-first on the last stage alone, in smaller steps.
-TRAIN.racer-ring-first := --vehicle racer --track ring --drones 8 --step-scale 2.25
+TRAIN.racer-ring-first := --vehicle racer --track ring --drones 8 --step-scale 2.25 --gae-lambda 0.95 $(BODY)
 TRAIN.racer-ring := --vehicle racer --track ring --drones 8 --step-scale 0.75 --vanilla \
-    --start-from runs/racer-ring-first --learning-rate 3e-4 --final-learning-rate 3e-5
+    --start-from runs/racer-ring-first --learning-rate 3e-4 --final-learning-rate 3e-5 --gae-lambda 0.95 $(BODY)
 runs/racer-ring/policy.json: runs/racer-ring-first/policy.json
 # What a way through one gate costs shows later than on the ring, so advantages look farther ahead.
-TRAIN.racer-figure-eight-first := --vehicle racer --track figure-eight --drones 1 --seed 1 --gae-lambda 0.98 $(FORMER)
+TRAIN.racer-figure-eight-first := --vehicle racer --track figure-eight --drones 1 --seed 1 --gae-lambda 0.98 $(BODY)
 TRAIN.racer-figure-eight := --vehicle racer --track figure-eight --drones 1 --seed 1 --gae-lambda 0.98 --vanilla \
     --step-scale 0.5 --start-from runs/racer-figure-eight-first --learning-rate 3e-4 --final-learning-rate 3e-5 \
-    --terminal -40 --w-edge 20 $(FORMER)
+    --terminal -40 --w-edge 20 $(BODY)
 runs/racer-figure-eight/policy.json: runs/racer-figure-eight-first/policy.json
 # Six gates, no two alike: after six seconds drones have flown one lap, and the second is faster. What learned in short
 # episodes crashed in it; what never met a race without any deviation crashed there.
-FIELD := --vehicle racer --track figure-eight --drones 8 --gae-lambda 0.98
+FIELD := --vehicle racer --track figure-eight --drones 8 --gae-lambda 0.98 $(FORMER)
 ON_AND_ON := $(FIELD) --vanilla --episode-steps 600 --w-edge 20
-TRAIN.racer-figure-eight-field-first := $(FIELD) --step-scale 4 --terminal -30 --milder-share 0.5
-TRAIN.racer-figure-eight-field-second := $(ON_AND_ON) --start-from runs/racer-figure-eight-field-first \
+TRAIN.racer-figure-eight-field-first := $(FIELD) --observation body --step-scale 4 --terminal -30 --milder-share 0.5
+TRAIN.racer-figure-eight-field-second := $(ON_AND_ON) --observation body --start-from runs/racer-figure-eight-field-first \
     --step-scale 1.5 --terminal -40 --learning-rate 3e-4 --final-learning-rate 3e-5 --milder-share 0.5
 runs/racer-figure-eight-field-second/policy.json: runs/racer-figure-eight-field-first/policy.json
-TRAIN.racer-figure-eight-field-third := $(ON_AND_ON) --start-from runs/racer-figure-eight-field-second \
+TRAIN.racer-figure-eight-field-third := $(ON_AND_ON) --observation body --start-from runs/racer-figure-eight-field-second \
     --step-scale 1.5 --terminal -40 --learning-rate 2e-4 --final-learning-rate 2e-5 --nominal-share 0.5
 runs/racer-figure-eight-field-third/policy.json: runs/racer-figure-eight-field-second/policy.json
 # Safe by now, but slow: a cheaper crash; who leads sees nobody behind; what lines are worth is not drowned by crashes.
 FASTER := $(ON_AND_ON) --final-learning-rate 2e-5 --terminal -20 --nominal-share 0.5
-TRAIN.racer-figure-eight-field-fourth := $(FASTER) --start-from runs/racer-figure-eight-field-third \
+TRAIN.racer-figure-eight-field-fourth := $(FASTER) --observation body --start-from runs/racer-figure-eight-field-third \
     --step-scale 1.5 --learning-rate 2e-4
 runs/racer-figure-eight-field-fourth/policy.json: runs/racer-figure-eight-field-third/policy.json
 TRAIN.racer-figure-eight-field-fifth := $(FASTER) --start-from runs/racer-figure-eight-field-fourth \
@@ -151,19 +152,20 @@ TRAIN.racer-figure-eight-field := $(FASTER) --start-from runs/racer-figure-eight
     --step-scale 1 --learning-rate 2e-4 --observation body-near --company-distance 6
 runs/racer-figure-eight-field/policy.json: runs/racer-figure-eight-field-fifth/policy.json
 # For all that a real drone may differ by. The first, which met nothing milder, crashed in every ninth race without any of it.
-STURDY := --vehicle racer --vanilla --randomise 1 --final-learning-rate 3e-5
-TRAIN.racer-ring-sturdy-first := $(STURDY) --track ring --drones 8 --step-scale 2 --start-from racer-ring \
+STURDY := --vehicle racer --vanilla --randomise 1 --final-learning-rate 3e-5 $(BODY)
+TRAIN.racer-ring-sturdy-first := $(STURDY) --gae-lambda 0.95 --track ring --drones 8 --step-scale 2 --start-from racer-ring \
     --learning-rate 6e-4
-TRAIN.racer-ring-sturdy := $(STURDY) --track ring --drones 8 --step-scale 1 --start-from runs/racer-ring-sturdy-first \
+TRAIN.racer-ring-sturdy := $(STURDY) --gae-lambda 0.95 --track ring --drones 8 --step-scale 1 --start-from runs/racer-ring-sturdy-first \
     --learning-rate 3e-4 --milder-share 0.5
 runs/racer-ring-sturdy/policy.json: runs/racer-ring-sturdy-first/policy.json
 TRAIN.racer-figure-eight-sturdy := $(STURDY) --track figure-eight --drones 1 --step-scale 1.5 --gae-lambda 0.98 \
-    --start-from racer-figure-eight --learning-rate 6e-4 $(FORMER)
+    --start-from racer-figure-eight --learning-rate 6e-4
 # Progress to the middle of gates: on a track that it has never seen a drone does not know how far a corner can be cut.
 TRAIN.racer-random := --vehicle racer --track random --drones 1 --step-scale 2 --progress-to centre --terminal -40 \
-    --w-edge 20 --edge-margin 0.3 --gae-lambda 0.95 $(FORMER)
+    --w-edge 20 --edge-margin 0.3 --gae-lambda 0.95 $(BODY)
 # Trained before frames cost more and partners were more.
-TRAIN.crazyflie-ring := --vehicle crazyflie --track ring --drones 4 --edge-margin 0.2 --w-edge 10 --sparring-share 0.1
+TRAIN.crazyflie-ring := --vehicle crazyflie --track ring --drones 4 --edge-margin 0.2 --w-edge 10 --sparring-share 0.1 \
+    --gae-lambda 0.95 $(BODY)
 TRACK_AND_DRONES = --track $(shell echo $* | sed 's/-[0-9]*$$//') --drones $(lastword $(subst -, ,$*))
 
 runs/%/policy.json:
