@@ -97,7 +97,7 @@ wheel-check: $(VENV)/.installed
 	@touch $@
 
 CELLS := ring-2 ring-3 ring-4 figure-eight-2 figure-eight-3 figure-eight-4 racer-ring racer-figure-eight \
-    racer-figure-eight-field racer-ring-sturdy racer-figure-eight-sturdy racer-random crazyflie-ring
+    racer-figure-eight-field racer-ring-sturdy racer-figure-eight-sturdy generalist crazyflie-ring
 
 policies: $(VENV)/.installed $(CELLS:%=runs/%/policy.json)
 	@for cell in $(CELLS); do for kind in safetensors json; do \
@@ -113,7 +113,7 @@ EXTRA.figure-eight-3 := $(FAST)
 EXTRA.figure-eight-4 := $(FAST)
 # And nearer to the frames.
 EXTRA.figure-eight-2 := $(FAST) --w-speed 0.01 --edge-margin 0.1 --seed 2
-# VEHICLE-TRACK: for fields of any size, but racer-figure-eight and racer-random, which are for a drone alone.
+# VEHICLE-TRACK: for fields of any size, but racer-figure-eight, which is for a drone alone.
 # VEHICLE-TRACK-field: for fields where VEHICLE-TRACK is for a drone alone.
 # Made before the recipe of today: it sees less, is judged with no more sight, and starts anew after every crash.
 FORMER := --critic-observation '' --value-loss absolute --retry-share 0 --after-crash restart --w-beside 0
@@ -160,9 +160,9 @@ TRAIN.racer-ring-sturdy := $(STURDY) --gae-lambda 0.95 --track ring --drones 8 -
 runs/racer-ring-sturdy/policy.json: runs/racer-ring-sturdy-first/policy.json
 TRAIN.racer-figure-eight-sturdy := $(STURDY) --track figure-eight --drones 1 --step-scale 1.5 --gae-lambda 0.98 \
     --start-from racer-figure-eight --learning-rate 6e-4
-# Progress to the middle of gates: on a track that it has never seen a drone does not know how far a corner can be cut.
-TRAIN.racer-random := --vehicle racer --track random --drones 1 --step-scale 2 --progress-to centre --terminal -40 \
-    --w-edge 20 --edge-margin 0.3 --gae-lambda 0.95 $(BODY)
+# The recipe of today, on tracks that are drawn anew for ever.
+TRAIN.generalist := --vehicle racer --track any --drones 1 --step-scale 2 --epochs 2 --final-learning-rate 2e-5 --terminal -10 \
+    --evaluate-every 2000000
 # Trained before frames cost more and partners were more.
 TRAIN.crazyflie-ring := --vehicle crazyflie --track ring --drones 4 --edge-margin 0.2 --w-edge 10 --sparring-share 0.1 \
     --gae-lambda 0.95 $(BODY)

@@ -84,7 +84,7 @@ def test_a_policy_to_start_from_decides_what_the_networks_see():
         config = config_of("--vehicle", "racer", "--drones", "1", *flags)
         return config.observation, config.critic_observation
 
-    before = ("--start-from", "racer-random")
+    before = ("--start-from", "racer-figure-eight")
     assert seen() == ("racing", "racing-far")
     assert seen(*before) == ("body", "")
     assert seen(*before, "--critic-observation", "body-far") == ("body", "body-far")

@@ -31,7 +31,7 @@ SHIPPED = {
     "shipped": "ring-4",
     "agile": "racer-ring",
     "agile-near": "racer-figure-eight-field",
-    "agile-alone": "racer-random",
+    "agile-alone": "generalist",
 }
 AGILE = ("agile", "agile-near", "agile-alone")
 

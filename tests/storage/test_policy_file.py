@@ -14,7 +14,7 @@ import pytest
 from cruise.config import Randomisation, TrainConfig
 from cruise.errors import CruiseError
 from cruise.presets import RANDOMISATION, TRACKS
-from cruise.racing.track_file import RANDOM
+from cruise.racing.track_file import ANY
 from cruise.storage import policy_paths, tensors
 from cruise.storage.config_file import to_data
 from cruise.storage.policy_file import list_policies, load_policy, read_meta, read_policy, save_policy, shipped_name
@@ -57,9 +57,9 @@ def test_shipped_ones_are_found_by_name(tmp_path, monkeypatch):
         shipped_name("ring", 2, "racer")
     write_policy(tmp_path / "racer-ring", vehicle="racer")
     assert shipped_name("ring", 2, "racer") == shipped_name("ring", 7, "racer") == "racer-ring"
-    write_policy(tmp_path / "racer-random", vehicle="racer", track="random")
+    write_policy(tmp_path / "generalist", vehicle="racer", track="any")
     assert shipped_name("ring", 2, "racer") == "racer-ring"
-    assert shipped_name("split-s", 1, "racer") == shipped_name("my track", 1, "racer") == "racer-random"
+    assert shipped_name("split-s", 1, "racer") == shipped_name("my track", 1, "racer") == "generalist"
     with pytest.raises(CruiseError, match="'split-s' with 2 drones and vehicle 'racer'; shipped"):
         shipped_name("split-s", 2, "racer")
     write_policy(tmp_path / "racer-split-s", vehicle="racer", track="split-s", drones=1)
@@ -81,7 +81,7 @@ def test_what_is_shipped_is_sound():
     assert files == {name + ending for name in policies for ending in (".json", ".safetensors")}
     for name, about in policies.items():
         assert name.removesuffix("-sturdy") == shipped_name(about.track, about.drones, about.vehicle)
-        assert about.track in (*TRACKS, RANDOM)
+        assert about.track in (*TRACKS, ANY)
         assert (about.results["track"], about.results["drones"]) == (about.track, about.drones)
         assert load_policy(name).name == name
         if name.endswith("-sturdy"):

@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from cruise.evaluation.handicap import Handicap
     from cruise.evaluation.statistics import Estimate
 
-ANYWHERE = "racer-random"  # flies tracks that it has never seen
-
 
 @dataclass(frozen=True)
 class MeasureHandicap:
@@ -32,7 +30,7 @@ class MeasureHandicap:
     track: Annotated[tuple[str, ...], tyro.conf.UseAppendAction, described("NAME|FILE")] = ()
     """Built-in track, or path of a TOML file; repeat it for more. By default all built-in ones."""
     pilot: Annotated[str | None, described("NAME|PATH|FILE.py:NAME")] = None
-    """Flies both. By default the policy shipped for two drones of the vehicle there, or else racer-random."""
+    """Flies both. By default the policy shipped for two drones of the vehicle there, or else generalist."""
     vehicle: Annotated[str, described("NAME|FILE")] = "racer"
     """What the weaker one flies, with rotors."""
     episodes: int = 100
@@ -60,12 +58,12 @@ class MeasureHandicap:
 
 
 def _usual(track: str, vehicle: Any) -> str:
-    from cruise.storage.policy_file import shipped_name  # noqa: PLC0415
+    from cruise.storage.policy_file import GENERALIST, shipped_name  # noqa: PLC0415
 
     try:
         return shipped_name(track, 2, vehicle)
     except CruiseError:
-        return ANYWHERE
+        return GENERALIST
 
 
 def handicap_table(found: "list[Handicap]", title: str) -> Table:

@@ -16,7 +16,7 @@ from cruise.env.observation import check_observation
 from cruise.errors import CruiseError
 from cruise.pilots.network import ActorCritic, NetworkShape
 from cruise.pilots.neural import NeuralPilot
-from cruise.racing.track_file import RANDOM, track_faults
+from cruise.racing.track_file import track_faults
 from cruise.storage import policy_paths, tensors
 from cruise.storage.atomic import read_bytes, write_atomically
 from cruise.storage.config_file import from_json, to_json
@@ -28,6 +28,7 @@ FORMAT_VERSION = 2  # 1: an extended observation in which opponents did not fade
 MAX_WIDTH = 65_536  # of a layer
 STORED = np.float32  # whatever JAX computes with
 USUAL_VEHICLE = "paper"  # where nobody names another
+GENERALIST = "generalist"  # the shipped policy that flies tracks it has never seen
 
 
 @dataclass(frozen=True)
@@ -171,15 +172,15 @@ def shipped_name(track: str, drones: int, vehicle: str | Vehicle = USUAL_VEHICLE
     """Name of the shipped policy of a track and a vehicle: `TRACK-DRONES` for the paper's, `VEHICLE-TRACK` for others.
 
     One that was trained alone is for a drone alone: it has met nobody. Then the one for several is VEHICLE-TRACK-field.
-    For a drone alone on a track for which there is none it is the one trained on random tracks. For a vehicle that is
-    no preset none is shipped.
+    For a drone alone on a track for which there is none it is the `GENERALIST`, where that flies the vehicle. For a
+    vehicle that is no preset none is shipped.
 
     Raises:
         CruiseError: there is none; it names those there are.
     """
     names = [] if isinstance(vehicle, Vehicle) else _names(track, drones, vehicle)
     there = [name for name in names if with_ending(policy_paths.SHIPPED / name, ".json").is_file()]
-    name = next((name for name in there if drones == 1 or read_meta(name).drones > 1), None)
+    name = next((name for name in there if _is_for(read_meta(name), drones, vehicle)), None)
     if name is None:
         known = ", ".join(list_policies()) or "none"
         raise CruiseError(
@@ -191,7 +192,11 @@ def shipped_name(track: str, drones: int, vehicle: str | Vehicle = USUAL_VEHICLE
 
 def _names(track: str, drones: int, vehicle: str) -> list[str]:
     first = f"{track}-{drones}" if vehicle == USUAL_VEHICLE else f"{vehicle}-{track}"
-    return [first, f"{vehicle}-{RANDOM}" if drones == 1 else f"{vehicle}-{track}-field"]
+    return [first, GENERALIST if drones == 1 else f"{vehicle}-{track}-field"]
+
+
+def _is_for(meta: PolicyMeta, drones: int, vehicle: str | Vehicle) -> bool:
+    return meta.vehicle == vehicle and (drones == 1 or meta.drones > 1)
 
 
 def _asked(track: str, drones: int, vehicle: str | Vehicle) -> str:
