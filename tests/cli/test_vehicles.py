@@ -89,6 +89,8 @@ def test_a_policy_to_start_from_decides_what_the_networks_see():
     assert seen(*before) == ("body", "")
     assert seen(*before, "--critic-observation", "body-far") == ("body", "body-far")
     assert seen(*before, "--observation", "racing") == ("racing", "")
+    assert seen("--against", "racer-figure-eight") == seen("--founders", "racer-figure-eight") == ("body", "")
+    assert seen("--demonstrations", "flights") == ("racing", "")
 
 
 @pytest.mark.parametrize("name", VEHICLES)

@@ -19,7 +19,7 @@ from cruise.training.initial_state import initial_state
 from tests.training.runs import TINY, shared_trainer
 
 RING = TRACKS["ring"]
-CONFIG = replace(training_config("racer", 2), drones=2)
+CONFIG = replace(training_config("racer", 2), critic_observation="")
 
 
 @pytest.fixture(scope="module")

@@ -133,7 +133,7 @@ def test_a_best_response_learns_against_one_policy_that_never_changes(open_sessi
 
 def test_a_policy_can_learn_to_see_less_but_not_be_flown_so():
     """The same numbers, some of which fade: it goes on from there, but opponents are flown as they were trained."""
-    usual = training_config("racer", 2)
+    usual = replace(training_config("racer", 2), critic_observation="")
     config = replace(usual, observation="body-near", start_from="racer-ring", ppo=replace(usual.ppo, races=64))
     trainer = Trainer(config, TRACKS["ring"], VEHICLES["racer"])
     assert bits(initial_state(trainer).model) == bits(read_policy("racer-ring").params)

@@ -79,12 +79,15 @@ class Train:
     def usual(cls, asked: "Train") -> "Train":
         """The defaults, which the vehicle, the number of drones and the randomisation that were asked for decide.
 
-        A policy that learning starts from decides what its value network goes on observing.
+        A policy that learning starts from, or flies against, decides what both networks observe: it knows nothing else.
         """
         vehicle = find_vehicle(asked.config.vehicle)
         config = training_config(vehicle, asked.config.drones)
-        if asked.config.start_from:
-            config = _seeing_as(asked.config.start_from, config)
+        others = (asked.config.start_from, asked.config.against, *asked.config.opponents.founders)
+        if any(others):
+            config = _seeing_as(next(filter(None, others)), config)
+        if asked.demonstrations is not None:  # a clone's value network sees what it sees
+            config = dataclasses.replace(config, critic_observation="")
         if asked.randomise is not None:
             config = dataclasses.replace(config, randomisation=training_randomisation(vehicle, asked.randomise))
         return cls(config=config)
