@@ -48,7 +48,7 @@ def test_the_vehicle_decides_the_defaults_of_training(capsys):
     assert config_of("--seed", "0", "--vehicle", "racer") == training_config("racer")
     assert config_of("--vehicle=crazyflie", "--seed", "0") == training_config("crazyflie")
     assert main(["train", "--vehicle", "racer", "--help"]) == 0
-    assert "(default: racing)" in " ".join(capsys.readouterr().out.split())
+    assert "(default: body)" in " ".join(capsys.readouterr().out.split())
 
 
 def test_the_number_of_drones_decides_how_boldly_they_learn(capsys):

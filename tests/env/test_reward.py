@@ -99,6 +99,7 @@ FORMULAS = {
     "speed": lambda w, s, i: w.w_speed * speed_paid(w, s["v1"][:, i]),
 }
 WEIGHTS = {**REWARDS, "opening": replace(REWARDS["paper"], progress_to="opening")}
+WEIGHTS["alone"] = replace(REWARDS["agile"], w_beside=15.0)
 
 
 @pytest.mark.parametrize("preset", WEIGHTS)
@@ -107,7 +108,7 @@ def test_flight_terms_are_the_papers(name: str, preset: str) -> None:
     weights, step = replace(WEIGHTS[preset], pay_up_to_v_min=False), random_step(1, at_gate=name == "beside")
     expected = each_drone(step, lambda s, i: FORMULAS[name](weights, s, i))
     np.testing.assert_allclose(components_of(weights, step)[name], expected, atol=2e-5)
-    if preset == ("agile" if name == "beside" else "paper"):
+    if preset == ("alone" if name == "beside" else "paper"):
         assert np.ptp(expected) > 0.1
 
 
