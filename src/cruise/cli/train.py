@@ -84,8 +84,8 @@ class Train:
         vehicle = find_vehicle(asked.config.vehicle)
         config = training_config(vehicle, asked.config.drones)
         others = (asked.config.start_from, asked.config.against, *asked.config.opponents.founders)
-        if any(others):
-            config = _seeing_as(next(filter(None, others)), config)
+        if known := next(filter(None, others), ""):
+            config = _seeing_as(known, config)
         if asked.demonstrations is not None:  # a clone's value network sees what it sees
             config = dataclasses.replace(config, critic_observation="")
         if asked.randomise is not None:

@@ -13,12 +13,11 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from cruise.env.observation_body import GATES_AHEAD, GATES_FAR_AHEAD, NEAREST, body_terms
-from cruise.env.view import View
+from cruise.env.view import LAST, View
 from cruise.terms import Observation, Setting, Term
 from cruise.vector import dot, norm
 
 PLACE_RANGE, GATE_SPEED, CLOSING = 4.0, 8.0, 5.0  # scales [m, m/s, m/s]
-LAST = -1  # so many gates ahead is the one that was passed last
 NEAR_GATE, NEAR_DRONE = 0.5, 0.3  # added to distances before they are inverted [m]
 
 

@@ -7,13 +7,13 @@ from jaxtyping import Array, Float
 
 from cruise.config import RewardWeights
 from cruise.env.step_view import StepView
+from cruise.env.view import LAST
 from cruise.racing.field import over_opponents
 from cruise.racing.gates import cross_opening
 from cruise.terms import RewardTerm
 from cruise.vector import dot, norm
 
 EPSILON = 1e-6
-LAST = -1  # so many gates ahead is the one that was passed last
 
 
 def proximity(distance: Float[Array, "*B"], decay: float, reach: float) -> Float[Array, "*B"]:

@@ -21,6 +21,8 @@ from cruise.racing.course import Course, Opening, target_opening
 from cruise.racing.field import UNROLLED
 from cruise.vector import dot, is_plain, stored
 
+LAST = -1  # so many gates ahead is the one before the target, which was passed last
+
 
 def out_of_gate_frame(
     course: Course, next_gate: Int[Array, "*B"], vector: Float[Array, "3 *B"]
@@ -114,7 +116,7 @@ class View(Sharing):
         return self.course.frame_width
 
     def gate_index(self, ahead: int = 0) -> Int[Array, "N *B"]:
-        """Which gate is the target, or so many after it; -1 is the one before it."""
+        """Which gate is the target, or so many after it; `LAST` is the one before it."""
         ahead %= self.num_gates  # none of them is negative, whatever remainder is taken
         if is_plain() and ahead:
             later = self.state.next_gate + ahead
