@@ -17,7 +17,25 @@ os.environ.setdefault("JAX_DISABLE_MOST_OPTIMIZATIONS", "1")
 # As the commands compile, so that a process of theirs and this one compute the same bits. The others take two thirds
 # off the time to compile: the older code generator, and programs in one piece instead of 32.
 COMPILER = ("cpu_prefer_vector_width=512", "cpu_use_fusion_emitters=false", "cpu_parallel_codegen_split_count=1")
-os.environ["XLA_FLAGS"] = " ".join([os.environ.get("XLA_FLAGS", ""), *(f"--xla_{flag}" for flag in COMPILER)]).strip()
+# These look long for what makes no difference to a bit and is worth little in a program that runs once.
+LEFT_OUT = (
+    "simplify-while-loops",
+    "while-loop-invariant-code-motion",
+    "while-loop-constant-sinking",
+    "while-loop-trip-count-annotator",
+    "reshape-mover",
+    "tree_reduction_rewriter",
+    "dynamic-dimension-simplifier",
+    "cpu-parallel-task-assigner",
+    "constant_folding",
+)
+os.environ["XLA_FLAGS"] = " ".join(
+    [
+        os.environ.get("XLA_FLAGS", ""),
+        *(f"--xla_{flag}" for flag in COMPILER),
+        f"--xla_disable_hlo_passes={','.join(LEFT_OUT)}",
+    ]
+).strip()
 os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(ROOT / ".jax_cache"))
 os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.2")
 

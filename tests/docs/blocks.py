@@ -16,6 +16,7 @@ from cruise.cli.limit import FindLimit
 from cruise.cli.main import main, parse
 from cruise.cli.train import Train
 from cruise.racing.track_file import load_track, track_faults
+from cruise.training.session import Session
 from cruise.training.validation import check_config
 from cruise.vehicles import load_vehicle
 from cruise.vehicles.file import file_faults
@@ -46,7 +47,9 @@ WITH_OTHERS = "--coordinator"  # waits for the other processes: tests/training/t
 # alone are parsed, and what they name is looked up.
 COSTLY = ("evaluate", "limit", "race", "train")
 LOGGED, TRAINED = "--log", "--out"  # what a later line of the page may read: then it is always written
-VALUES = {"--vehicle", "--track", "--drones", "--episodes", "--seed", "--step-scale"}
+VALUES = {"--vehicle", "--track", "--drones", "--episodes", "--seed", "--step-scale", TRAINED}
+# Flags of one kind: the first says at once what each of the others says of one thing.
+SPREADS = {"--randomise": {"--mass-spread", "--thrust-spread", "--extra-delay", "--gust-speed"}}
 ELSEWHERE = {"sweep", "tune", "fly", "betaflight", "companion"}  # want Ray, a person, firmware, a drone
 
 
@@ -130,8 +133,11 @@ def _cruise(block: Block, arguments: list[str]) -> None:
     command = arguments[0]
     short = [word for word in arguments if word != "--open"]
     first = command not in COSTLY or (block.page, arguments) == _first_of_kinds()[_kind(arguments)]
-    if not first and not _is_read(block, arguments):
+    read = _is_read(block, arguments)
+    if not first and (command == "train" or not read):
         _look_up(parse(short))
+        if read:
+            _begin(parse([*short, *shlex.split(MINIATURE[command])]))
         return
     if WATCHED in short or WITH_OTHERS in short or ELSEWHERE & set(short):
         short = [command, "--help"]
@@ -159,7 +165,10 @@ def _kind(arguments: list[str]) -> frozenset[str]:
     """What a line asks for beside values: the command, its other flags, and what it says more than once."""
     flags = [word for word in arguments if word.startswith("--")]
     several = {f"{flag} again" for flag in flags if flags.count(flag) > 1}
-    return frozenset(flags) - VALUES | several | {arguments[0]}
+    asked = frozenset(flags) - VALUES
+    for name, parts in SPREADS.items():
+        asked = asked - parts | {name} if asked & parts else asked
+    return asked | several | {arguments[0]}
 
 
 @functools.cache
@@ -182,6 +191,15 @@ def _look_up(command: Any) -> None:
         load_vehicle(command.vehicle)
     else:
         command.line_up.match()
+
+
+def _begin(command: Train) -> None:
+    """A run that has learned nothing: all that later lines look for."""
+    assert command.out is not None
+    config = command.config
+    session = Session(command.out, config, load_track(config.track), load_vehicle(config.vehicle))
+    session.finish(lambda _: {})
+    session.close()
 
 
 def _pip(arguments: list[str]) -> None:

@@ -200,7 +200,6 @@ class Problem:
 
 
 _OPTIONS: dict[str, Any] = {
-    "expand": True,
     "print_time": False,
     "ipopt": {"print_level": 0, "sb": "yes", "max_iter": 2000, "tol": 1e-6, "acceptable_tol": 1e-4},
 }

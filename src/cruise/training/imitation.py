@@ -1,5 +1,6 @@
 """Behaviour cloning: a policy that flies as people did, by their race logs, for a training to start from."""
 
+import functools
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -14,7 +15,6 @@ from scipy.spatial.transform import Rotation
 
 from cruise import __version__
 from cruise.config import Track, TrainConfig, Vehicle
-from cruise.dynamics import FreeBody
 from cruise.env.race_env import RaceEnv, make_race_env
 from cruise.env.types import RaceState
 from cruise.errors import CruiseError
@@ -108,7 +108,8 @@ def _of_people(log: RaceLog, config: TrainConfig, track: Track, vehicle: Vehicle
     if not (_same(log.gate_position, gates) and _same(log.gate_motion, motions)):
         raise CruiseError(f"--demonstrations were flown on {log.track!r}, this run trains on {track.name!r}")
     env = make_race_env(track, log.num_drones, vehicle)
-    observed, actions = (np.asarray(values) for values in _seen(env, config.observation, state_of(env, log), log))
+    look = jax.jit(lambda state: _seen(env, config.observation, state, log))
+    observed, actions = (np.asarray(values) for values in look(state_of(env, log)))
     for drone in people:
         flown = log.airborne[:, drone] & (log.time < _crash(log, drone) - BEFORE_A_CRASH)
         yield Samples(observed[:, drone, flown], actions[:, drone, flown])
@@ -131,23 +132,31 @@ def state_of(env: RaceEnv, log: RaceLog) -> RaceState:
     Body rates are those between the attitudes of the samples around each, commands in the rotors' memory the actions
     before it.
     """
-    position, velocity = (np.moveaxis(a, 0, -1).swapaxes(0, 1) for a in (log.position_w, log.velocity_w))
-    euler = np.moveaxis(log.euler, 0, -1).swapaxes(0, 1)  # [3, N, T]
-    drones = env.dynamics.init(jnp.asarray(position, jnp.float32), jnp.asarray(euler[2], jnp.float32))
+    position, velocity, euler, action = (
+        np.moveaxis(a, 0, -1).swapaxes(0, 1).astype(np.float32)  # [., N, T]
+        for a in (log.position_w, log.velocity_w, log.euler, log.action)
+    )
     turns = Rotation.from_euler("ZYX", np.moveaxis(euler, 0, -1).reshape(-1, 3)[:, ::-1])
     attitude = np.moveaxis(turns.as_quat(scalar_first=True).reshape(*euler.shape[1:], 4), -1, 0)
-    own = {"attitude": attitude} if isinstance(drones.body, FreeBody) else {"euler": euler}
-    moved = {"velocity_w": velocity, "angular_velocity_b": _rates(turns, euler.shape[1:], log.control_dt)}
-    body = drones.body._replace(**{name: jnp.asarray(a, jnp.float32) for name, a in (own | moved).items()})
+    rates = _rates(turns, euler.shape[1:], log.control_dt)
+    body = {"velocity_w": velocity, "euler": euler, "attitude": attitude, "angular_velocity_b": rates}
+
+    told = {name: np.float32(value) for name, value in body.items()}
+    as_one_program = jax.jit(functools.partial(_state, env))
+    return as_one_program(position, told, action, np.int32(log.next_gate.T), ~log.airborne.T)
+
+
+def _state(
+    env: RaceEnv, position_w: Array, body: dict[str, Array], action: Array, next_gate: Array, gone: Array
+) -> RaceState:
+    drones = env.dynamics.init(position_w, body["euler"][2])
+    moved = {name: value for name, value in body.items() if name in drones.body._fields}
     memory = drones.memory
     if hasattr(memory, "commands"):
-        memory = memory._replace(commands=_commands(np.asarray(memory.commands), log))
-    counts, samples = jnp.asarray(log.next_gate.T, jnp.int32), len(log.time)
-    gone = jnp.asarray(~log.airborne.T)
-    none = jnp.zeros_like(counts)
-    none_finished, step = jnp.zeros_like(gone), jnp.arange(samples)
-    state = RaceState(drones._replace(body=body, memory=memory), counts, none, gone, none_finished, step)
-    return env.with_gates_at(state)
+        memory = memory._replace(commands=_commands(memory.commands, action))
+    drones = drones._replace(body=drones.body._replace(**moved), memory=memory)
+    steps, none, none_finished = jnp.arange(next_gate.shape[1]), jnp.zeros_like(next_gate), jnp.zeros_like(gone)
+    return env.with_gates_at(RaceState(drones, next_gate, none, gone, none_finished, steps))
 
 
 def _rates(turns: Rotation, shape: tuple[int, ...], dt: float) -> Float[np.ndarray, "3 N T"]:
@@ -162,13 +171,11 @@ def _rates(turns: Rotation, shape: tuple[int, ...], dt: float) -> Float[np.ndarr
     return np.moveaxis(step * per_second, -1, 0)
 
 
-def _commands(usual: np.ndarray, log: RaceLog) -> Array:
+def _commands(usual: Array, action: Array) -> Array:
     """[H, 4, N, T] the actions before each sample, the newest first, after what a drone at rest remembers."""
-    commands = usual.copy()
-    action = np.moveaxis(log.action, 0, -1).swapaxes(0, 1)  # [A, N, T]
-    for back in range(min(len(commands), action.shape[-1] - 1)):
-        commands[back, :, :, back + 1 :] = action[..., : -(back + 1)]
-    return jnp.asarray(commands)
+    for back in range(min(len(usual), action.shape[-1] - 1)):
+        usual = usual.at[back, :, :, back + 1 :].set(action[..., : -(back + 1)])
+    return usual
 
 
 def _seen(env: RaceEnv, kind: str, state: RaceState, log: RaceLog) -> tuple[Array, Array]:
