@@ -56,13 +56,16 @@ install_import_hook("cruise", f"{annotations.__name__}.checked")
 settings.register_profile("cruise", deadline=None, derandomize="CI" in os.environ)
 settings.load_profile("cruise")
 
+gc.set_threshold(50_000)  # tracing makes many objects, of which few are garbage: seldom is often enough
+
 MOST_MEMORY = 1.4e9  # of a worker between two tests [bytes]
 MOST_MAPPINGS = 20_000  # of its memory: every compiled program has some, and Linux ends a process at 65,530
-# Folders whose tests take longest begin first, so that no worker ends long after the others.
+# Folders, and files beside them, whose tests take longest begin first, so that no worker ends long after the others.
 LONGEST = (
     "docs",
     "training",
     "limit",
+    "test_combinations.py",
     "pilots",
     "export",
     "env",
@@ -71,6 +74,8 @@ LONGEST = (
     "experiments",
     "adapters",
     "evaluation",
+    "viewer",
+    "dynamics",
 )
 
 
@@ -90,6 +95,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """The longest first."""
     order = {name: place for place, name in enumerate(LONGEST)}
     items.sort(key=lambda item: order.get(_folder(item.nodeid), len(order)))
+
+
+def pytest_collection_finish() -> None:
+    """What is there by now stays: no collection of garbage looks at it again."""
+    gc.collect()
+    gc.freeze()
 
 
 def _folder(nodeid: str) -> str:

@@ -1,8 +1,11 @@
 """`cruise tracks` and the dispatcher: what is printed, where, and with which exit code."""
 
+import json
 import subprocess
 import sys
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import pytest
 
@@ -14,18 +17,38 @@ from cruise.presets import TRACKS
 from tests.racing.track_tables import GATE, MALFORMED, NAME, UNREADABLE
 
 WITHOUT_JAX = """
-import sys
+import contextlib, io, json, sys
 from cruise.cli.main import main
-code = main(sys.argv[1:])
-assert not {"jax", "equinox", "matplotlib"} & set(sys.modules), "imported what it does not need"
-sys.exit(code)
+for line in sys.stdin:
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        code = main(json.loads(line))
+    assert not {"jax", "equinox", "matplotlib"} & set(sys.modules), "imported what it does not need"
+    print(json.dumps([code, out.getvalue(), err.getvalue()]), flush=True)
 """
 
 
-def cruise(*arguments: str) -> subprocess.CompletedProcess[str]:
-    """Run the command in a process of its own, which must not import JAX."""
-    command = [sys.executable, "-c", WITHOUT_JAX, *arguments]
-    return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+class Done(NamedTuple):
+    """What became of a command."""
+
+    returncode: int
+    stdout: str
+    stderr: str
+
+
+@pytest.fixture(scope="module")
+def cruise() -> Iterator[Callable[..., Done]]:
+    """Runs commands, one after the other, in a process of their own, which must not import JAX."""
+    command = [sys.executable, "-c", WITHOUT_JAX]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
+
+        def run(*arguments: str) -> Done:
+            process.stdin.write(json.dumps(arguments) + "\n")
+            process.stdin.flush()
+            return Done(*json.loads(process.stdout.readline()))
+
+        yield run
+        process.stdin.close()
 
 
 @pytest.mark.parametrize("case", MALFORMED)
@@ -76,7 +99,7 @@ def test_unreadable_files_give_one_line(case, command, tmp_path, capsys):
         (["tracks", "show", "ring", "figure-eight"], 2, "Unrecognized options: figure-eight"),
     ],
 )
-def test_bad_command_lines_say_what_is_wrong(arguments, code, expected):
+def test_bad_command_lines_say_what_is_wrong(arguments, code, expected, cruise):
     result = cruise(*arguments)
     assert result.returncode == code
     assert expected in result.stderr
@@ -84,7 +107,7 @@ def test_bad_command_lines_say_what_is_wrong(arguments, code, expected):
     assert result.stdout == ""
 
 
-def test_list_without_jax():
+def test_list_without_jax(cruise):
     result = cruise("tracks", "list")
     assert (result.returncode, result.stderr) == (0, "")
     rows = [line.split() for line in result.stdout.splitlines()]
@@ -123,7 +146,7 @@ def test_check_of_a_sound_track(tmp_path, capsys):
     assert output.err == ""
 
 
-def test_help_names_every_command_without_loading_it():
+def test_help_names_every_command_without_loading_it(cruise):
     result = cruise("--help")
     assert result.returncode == 0
     for name in COMMANDS:
@@ -159,7 +182,7 @@ def test_a_reader_that_goes_away_is_no_error():
         assert process.wait() == 141
 
 
-def test_a_random_track_is_shown_or_written_and_can_be_checked(tmp_path):
+def test_a_random_track_is_shown_or_written_and_can_be_checked(cruise, tmp_path):
     shown = cruise("tracks", "random", "--seed", "3", "--gates", "6", "--difficulty", "0.8")
     assert shown.returncode == 0
     assert "random-3 (metres, degrees)" in shown.stdout
@@ -177,7 +200,7 @@ def test_a_random_track_is_shown_or_written_and_can_be_checked(tmp_path):
         (["show", "random"], "random is a new track in every race: write one with `cruise tracks random --out FILE`"),
     ],
 )
-def test_what_no_random_track_can_be_is_said_in_one_line(arguments, words):
+def test_what_no_random_track_can_be_is_said_in_one_line(arguments, words, cruise):
     told = cruise("tracks", *arguments)
     assert (told.returncode, told.stdout) == (2, "")
     assert told.stderr == f"error: {words}\n"
