@@ -9,7 +9,7 @@ _checked = beartype(conf=BeartypeConf(is_pep484_tower=True))
 
 
 def checked(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Checks of a function that stands for another, of which jaxtyping makes two: of what goes in, and of what comes out.
+    """Checks a function that stands for another: jaxtyping makes two, for what goes in and for what comes out.
 
     It calls both, one after the other, and the second would look again at all that goes in.
     """

@@ -14,6 +14,7 @@ os.environ["JAX_NUM_CPU_DEVICES"] = "4"  # for training on several
 os.environ["MPLBACKEND"] = "agg"
 # Tests compile much and compute little. Processes that they start inherit it, so all compute the same bits.
 os.environ.setdefault("JAX_DISABLE_MOST_OPTIMIZATIONS", "1")
+os.environ.setdefault("JAX_TRACEBACK_IN_LOCATIONS_LIMIT", "0")  # nobody asks which line an operation comes from
 # As the commands compile, so that a process of theirs and this one compute the same bits. The others take two thirds
 # off the time to compile: the older code generator, and programs in one piece instead of 32.
 COMPILER = ("cpu_prefer_vector_width=512", "cpu_use_fusion_emitters=false", "cpu_parallel_codegen_split_count=1")
