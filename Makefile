@@ -11,10 +11,10 @@
 # make speed    compares how fast this state and the commit before are, in turn
 # make docs     builds the documentation into build/site
 # make viewer   builds the replay page anew from viewer/; needs npm
-# Each makes .venv first, with the versions of constraints.txt. PYTHON=... chooses the interpreter (3.11 to 3.13).
+# Each makes .venv first, with the versions of constraints.txt. PYTHON=... chooses the interpreter (3.11 to 3.14).
 
-SUPPORTED := import sys, venv, ensurepip; sys.exit(not (3, 11) <= sys.version_info < (3, 14))
-PYTHON ?= $(firstword $(foreach p,python3.13 python3.12 python3.11 python3 python,$(shell $(p) -c '$(SUPPORTED)' 2>/dev/null && echo $(p))))
+SUPPORTED := import sys, venv, ensurepip; sys.exit(not (3, 11) <= sys.version_info < (3, 15))
+PYTHON ?= $(firstword $(foreach p,python3.13 python3.12 python3.11 python3.14 python3 python,$(shell $(p) -c '$(SUPPORTED)' 2>/dev/null && echo $(p))))
 VENV := .venv
 BIN := $(VENV)/bin
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable
@@ -175,8 +175,8 @@ clean:
 	rm -rf $(VENV) .jax_cache .mypy_cache .pytest_cache .ruff_cache .hypothesis
 
 $(VENV)/.made:
-	@$(if $(PYTHON),,echo "error: no Python 3.11, 3.12 or 3.13 with the modules venv and ensurepip found; name one with make PYTHON=/path/to/python3" >&2; exit 1)
-	@"$(PYTHON)" -c '$(SUPPORTED)' 2>/dev/null || { echo "error: $(PYTHON) is not Python 3.11, 3.12 or 3.13 with the modules venv and ensurepip" >&2; exit 1; }
+	@$(if $(PYTHON),,echo "error: no Python 3.11 to 3.14 with the modules venv and ensurepip found; name one with make PYTHON=/path/to/python3" >&2; exit 1)
+	@"$(PYTHON)" -c '$(SUPPORTED)' 2>/dev/null || { echo "error: $(PYTHON) is not Python 3.11 to 3.14 with the modules venv and ensurepip" >&2; exit 1; }
 	"$(PYTHON)" -m venv --clear $(VENV)
 	@touch $@
 

@@ -250,6 +250,9 @@ def test_nothing_is_compiled_once_a_game_is_ready(game):
         (["--rival-pace", "1.5"], "--rival-pace must be from 0.2 to 1"),
         (["--ghost", "a.npz", "--time-optimal"], "give one or the other"),
         (["--pilot", "nobody"], "nobody"),
+        (["--rival-vehicle", "no-vehicle"], "no-vehicle"),
+        (["--rival-vehicle", "paper"], "vehicles 'racer' and 'paper' cannot share a race"),
+        (["--rival-vehicle", "racer", "--rival-vehicle", "racer", "--rivals", "1"], "2 vehicles for 1 drones"),
         (["--track", "no-track"], "no-track"),
     ],
 )

@@ -82,6 +82,14 @@ def test_a_training_starts_from_the_clone_of_a_folder_of_races(tmp_path, monkeyp
         command._imitate(tmp_path / "run", config, RING)
 
 
+def test_what_rivals_flew_does_not_matter(log):
+    """In a mixed field actions are as wide as the widest."""
+    wide = np.pad(log.action, [(0, 0), (0, 0), (0, 2)])
+    mixed = replace(log, vehicles=np.array(["racer", "kolibri"]), vehicle="racer, kolibri", action=wide)
+    (mine,), (own,) = (list(imitation._of_people(one, CONFIG, RING, VEHICLES["racer"])) for one in (mixed, log))
+    np.testing.assert_array_equal(mine.action, own.action)
+
+
 def test_what_cannot_be_cloned(log, tmp_path):
     racer = VEHICLES["racer"]
     with pytest.raises(CruiseError, match="no race logs"):

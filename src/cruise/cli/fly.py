@@ -19,6 +19,7 @@ from cruise.vehicles import load_vehicle
 if TYPE_CHECKING:
     from cruise.evaluation.matches import Match
     from cruise.human.game import Game
+    from cruise.pilots.base import Pilot
 
 MOST_DRONES = 8
 LEAST_PACE = 0.2
@@ -31,7 +32,7 @@ class Fly:
     track: Annotated[str, described("NAME|FILE")] = "ring"
     """Built-in track, or path of a TOML file."""
     vehicle: Annotated[str, described("NAME|FILE")] = "racer"
-    """What all fly: a built-in vehicle (`cruise vehicles` lists them), or path of a TOML file."""
+    """What people fly: a built-in vehicle (`cruise vehicles` lists them), or path of a TOML file."""
     seats: int = 1
     """How many people can fly, each on a page of their own."""
     rivals: Annotated[int | None, described("N")] = None
@@ -39,6 +40,8 @@ class Fly:
     pilot: Annotated[tuple[str, ...], tyro.conf.UseAppendAction, described("NAME|PATH|FILE.py:NAME")] = ()
     """Flies one rival, as in `cruise race`; repeat it, fewer take turns. By default the policy shipped for track and
     vehicle, or chaser where there is none."""
+    rival_vehicle: Annotated[tuple[str, ...], tyro.conf.UseAppendAction, described("NAME|FILE")] = ()
+    """What one rival flies; repeat it, fewer take turns. By default what people fly."""
     rival_pace: float = 1.0
     """Pace of the rivals: 0.8 flies the same way in 1 / 0.8 of the time."""
     laps: Annotated[int | None, described("N")] = None
@@ -94,40 +97,50 @@ class Fly:
 
     @property
     def _rivals(self) -> int:
-        return (len(self.pilot) or 3) if self.rivals is None else self.rivals
+        named = max(len(self.pilot), len(self.rival_vehicle))
+        return (named or 3) if self.rivals is None else self.rivals
 
     def _match(self) -> "Match":
         """People first, then their rivals."""
+        from cruise.env.mixed import each_of  # noqa: PLC0415
         from cruise.evaluation.matches import Match, make_match  # noqa: PLC0415
-        from cruise.pilots.foreign import ForeignPilot  # noqa: PLC0415
+        from cruise.evaluation.race_choices import find_fleet  # noqa: PLC0415
         from cruise.pilots.human import human_pilot  # noqa: PLC0415
-        from cruise.pilots.paced import Paced  # noqa: PLC0415
         from cruise.vehicles import reference_to  # noqa: PLC0415
 
         track, vehicle = load_one_track(self.track), load_vehicle(self.vehicle)
-        person = human_pilot(reference_to(vehicle))
-        people = (person,) * self.seats
+        people = (human_pilot(reference_to(vehicle)),) * self.seats
         if not self._rivals:
             laps = make_match(track, 1, "hover", self.laps, vehicle=vehicle).laps
             return Match(track, people, laps, asked_for=vehicle)
-        match = make_match(track, self._rivals, self._pilots(track.name), self.laps, vehicle=vehicle)
-        rivals = match.team
-        if self.rival_pace < 1:
-            if any(isinstance(pilot, ForeignPilot) for pilot in rivals):
-                raise CruiseError("--rival-pace slows pilots that are compiled, not those in plain Python")
-            slow = {id(pilot): Paced(pilot, self.rival_pace) for pilot in rivals}
-            rivals = tuple(slow[id(pilot)] for pilot in rivals)
-        return replace(match, team=people + rivals)
+        theirs = find_fleet(self.rival_vehicle or vehicle, self._rivals)
+        fleet = each_of((vehicle,) * self.seats + theirs, self.seats + self._rivals)
+        match = make_match(track, self._rivals, self._pilots(track.name), self.laps, vehicle=theirs)
+        asked_for = fleet if len(set(fleet)) > 1 else vehicle
+        return replace(match, team=people + self._slowed(match.team), asked_for=asked_for)
+
+    def _slowed(self, rivals: "tuple[Pilot, ...]") -> "tuple[Pilot, ...]":
+        from cruise.pilots.foreign import ForeignPilot  # noqa: PLC0415
+        from cruise.pilots.paced import Paced  # noqa: PLC0415
+
+        if self.rival_pace == 1:
+            return rivals
+        if any(isinstance(pilot, ForeignPilot) for pilot in rivals):
+            raise CruiseError("--rival-pace slows pilots that are compiled, not those in plain Python")
+        slow = {id(pilot): Paced(pilot, self.rival_pace) for pilot in rivals}
+        return tuple(slow[id(pilot)] for pilot in rivals)
 
     def _pilots(self, track: str) -> list[str]:
+        """Those named, or the one shipped for each rival's vehicle."""
         from cruise.storage.policy_file import shipped_name  # noqa: PLC0415
 
-        if self.pilot:
-            return list(self.pilot)
-        try:
-            return [shipped_name(track, self.seats + self._rivals, self.vehicle)]
-        except CruiseError:
-            return ["chaser"]
+        def usual(vehicle: str) -> str:
+            try:
+                return shipped_name(track, self.seats + self._rivals, vehicle)
+            except CruiseError:
+                return "chaser"
+
+        return list(self.pilot or map(usual, (self.rival_vehicle or (self.vehicle,))))
 
     def _ghost(self, match: "Match") -> dict[str, Any] | None:
         from cruise.human.laps import best_of, gates_key, ghost_of  # noqa: PLC0415

@@ -77,6 +77,19 @@ class Match:
         return flown_in([pilot.name for pilot in self.team], [vehicle.name for vehicle in self.vehicles])
 
     @property
+    def collision_distance(self) -> float | list[float]:
+        """At which two drones collide, or of each drone where they differ [m]."""
+        distances = [vehicle.collision_distance for vehicle in self.vehicles]
+        return distances[0] if len(set(distances)) == 1 else distances
+
+    def info(self, names: Sequence[str]) -> RaceInfo:
+        """What a log says of its race, flown by pilots of such names."""
+        distance = max(vehicle.collision_distance for vehicle in self.vehicles)
+        aspect = max(vehicle.collision_aspect for vehicle in self.vehicles)
+        flown = tuple(vehicle.name for vehicle in self.vehicles)
+        return RaceInfo(self.track, self.laps, flown, distance, names, aspect)
+
+    @property
     def time_limit(self) -> float:
         """When a race ends at the latest [s]."""
         longest = max(lap_length(gates) for gates in (self.track.gates, *self.track.variants))
@@ -184,18 +197,14 @@ def run_races(match: Match, races: int, seed: int) -> Iterator[RaceLog]:
 
 def fly_batch(match: Match, env: RaceEnv, key: jax.Array, batch: int) -> list[RaceLog]:
     """The logs of so many races at once in `env`."""
-    vehicles, team = match.vehicles, match.team
-    distances = [vehicle.collision_distance for vehicle in vehicles]
-    distance, aspect = max(distances), max(vehicle.collision_aspect for vehicle in vehicles)
-    apart = distance if min(distances) == distance else distances
-    rules = team_rules(team, apart, match.track.gates_to_finish(match.laps), (batch,))
+    team = match.team
+    rules = team_rules(team, match.collision_distance, match.track.gates_to_finish(match.laps), (batch,))
     start_key, flight_key = jax.random.split(key)
     steps = round(match.time_limit / match.vehicle.control_dt)
     with simulation(match.simulator):
         state = start_races(env, start_key, (batch,), spread=match.spread_starts)
         flight = fly_from(env, team, rules, state, flight_key, steps)
-    names, flown = tuple(pilot.name for pilot in team), tuple(vehicle.name for vehicle in vehicles)
-    return race_logs(flight, RaceInfo(match.track, match.laps, flown, distance, names, aspect))
+    return race_logs(flight, match.info(tuple(pilot.name for pilot in team)))
 
 
 def race_env(

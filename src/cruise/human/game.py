@@ -19,7 +19,7 @@ from cruise.human.messages import usual_settings
 from cruise.human.seats import GIVE_UP, Outbox, Seat, controls_of
 from cruise.palette import drone_colour
 from cruise.pilots.human import HumanPilot, flight_modes
-from cruise.storage.race_log import RaceLog
+from cruise.storage.race_log import RaceLog, flown_in
 from cruise.viewer.packing import pack_scenery
 from cruise.viewer.painting.scenery import track_scenery
 
@@ -205,7 +205,7 @@ class Game:
         """Write the log and the board; where that fails it is said, and races go on."""
         when = time.strftime("%Y-%m-%d %H:%M:%S")
         folder, stamp = self.board.folder, when.translate({ord("-"): None, ord(":"): None, ord(" "): "-"})
-        file = f"{Path(log.track).stem}-{log.vehicle}-{stamp}-{self.flown}.npz"
+        file = f"{Path(log.track).stem}-{self.match.vehicle.name}-{stamp}-{self.flown}.npz"
         try:
             log.save(folder / file)
             for seat in self.seats:
@@ -237,7 +237,7 @@ class Game:
         people = {seat.drone for seat in self.seats}
         drones = [
             {"number": d + 1, "pilot": name, "colour": drone_colour(d), "person": d in people}
-            for d, name in enumerate(self._names())
+            for d, name in enumerate(flown_in(self._names(), [one.name for one in self.match.vehicles]))
         ]
         return {"number": self.flown + 1, "first_gate": self.race.first_gate, "drones": drones}
 
@@ -259,7 +259,7 @@ def result_rows(log: RaceLog) -> list[dict[str, Any]]:
     return [
         {
             "drone": drone,
-            "pilot": str(log.pilots[drone]),
+            "pilot": log.names[drone],
             "fate": mine.fate,
             "time": known(mine.finish_time),
             "best": known(min((lap.time for lap in laps_of(log, drone)), default=math.nan)),

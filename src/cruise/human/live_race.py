@@ -13,7 +13,7 @@ from cruise.human.order import Happened, Order
 from cruise.pilots.human import Controls, HumanPilot
 from cruise.rollout import RunningRace, start_races, team_rules
 from cruise.storage.race_log import RaceLog
-from cruise.storage.recorder import RaceInfo, race_logs
+from cruise.storage.recorder import race_logs
 from cruise.viewer.samples import quaternions
 
 BATCH = (1,)  # race logs are made of batches
@@ -29,7 +29,7 @@ class LiveRace:
         self.people = [drone for drone, pilot in enumerate(match.team) if isinstance(pilot, HumanPilot)]
         start, flight = jax.random.split(jax.random.key(seed))
         state = start_races(self.env, start, BATCH, None if match.track.start else 0)
-        rules = team_rules(match.team, match.vehicle.collision_distance, match.track.gates_to_finish(match.laps), BATCH)
+        rules = team_rules(match.team, match.collision_distance, match.track.gates_to_finish(match.laps), BATCH)
         self.race = RunningRace(self.env, match.team, rules, state, flight)
         self._crew = next(i for i, crew in enumerate(self.race.crews) if isinstance(crew.pilot, HumanPilot))
         self.order = Order(len(match.team), gates, match.laps)
@@ -84,10 +84,7 @@ class LiveRace:
 
     def log(self, names: tuple[str, ...]) -> RaceLog:
         """The race so far as a log like any other. At least one step has been flown."""
-        match, vehicle = self.match, self.match.vehicle
-        distance, aspect = vehicle.collision_distance, vehicle.collision_aspect
-        info = RaceInfo(match.track, match.laps, [one.name for one in match.vehicles], distance, names, aspect)
-        return race_logs(self.race.flight(self.race.steps), info)[0]
+        return race_logs(self.race.flight(self.race.steps), self.match.info(names))[0]
 
 
 @eqx.filter_jit

@@ -9,6 +9,7 @@ from jaxtyping import Array, Float
 
 from cruise.config import Vehicle
 from cruise.dynamics import DroneState, Reference
+from cruise.env.mixed import padded
 from cruise.env.race_env import RaceEnv
 from cruise.env.types import RaceState, race_rules
 from cruise.pilots.base import Memory, Pilot
@@ -75,8 +76,9 @@ class Paced(eqx.Module):
         self, env: RaceEnv, drones: tuple[int, ...], ahead: Ahead, state: RaceState, key: Array
     ) -> tuple[Memory, RaceState]:
         """One step of the pilot's race, among the others as they really are."""
-        race = _among(ahead.after, self._in_its_time(state), drones)
+        race = _among(env, ahead.after, self._in_its_time(state), drones)
         own, action = self.pilot.act(env, drones, ahead.memory, race, key)
+        action = padded(action, max(group.dynamics.action_size for group in env.groups))
         everybody = jnp.zeros((action.shape[0], env.num_drones, *action.shape[2:]), action.dtype)
         rules = jax.tree.map(jnp.asarray, race_rules(self.agility, 0.0, 0))
         after, _ = env.step(race, everybody.at[:, jnp.array(drones)].set(action), rules)
@@ -101,17 +103,21 @@ class Paced(eqx.Module):
         )
 
 
-def _among(own: RaceState, others: RaceState, drones: tuple[int, ...]) -> RaceState:
+def _among(env: RaceEnv, own: RaceState, others: RaceState, drones: tuple[int, ...]) -> RaceState:
     """The pilot's race with all drones but its own as in another one."""
-    count = own.next_gate.shape[0]
-    mine = jnp.isin(jnp.arange(count), jnp.array(drones)).reshape(-1, *(1,) * (own.next_gate.ndim - 1))
+    mine = jnp.isin(jnp.arange(env.num_drones), jnp.array(drones)).reshape(-1, *(1,) * (own.next_gate.ndim - 1))
+    here, there = own.drones, others.drones
+    if len(env.groups) == 1:
+        memory = _where(mine, here.memory, there.memory)
+    else:  # of the drones of each vehicle by themselves
+        each = zip(env.groups, here.memory, there.memory, strict=True)
+        memory = tuple(_where(mine[jnp.array(group.drones)], a, b) for group, a, b in each)
+    body, parameters = (_where(mine, getattr(here, of), getattr(there, of)) for of in ("body", "parameters"))
+    rest = ("next_gate", "gates_passed", "out", "finished")
+    mixed = {name: _where(mine, getattr(own, name), getattr(others, name)) for name in rest}
+    return own._replace(drones=here._replace(body=body, memory=memory, parameters=parameters), **mixed)
 
-    def mixed(name: str) -> Any:
-        return jax.tree.map(lambda a, b: jnp.where(mine, a, b), getattr(own, name), getattr(others, name))
 
-    return own._replace(**{name: mixed(name) for name in ("drones", "next_gate", "gates_passed", "out", "finished")})
-
-
-def _where(due: Array, new: Memory, old: Memory) -> Memory:
-    """The new one in the races in which it is due."""
-    return jax.tree.map(lambda a, b: jnp.where(due, a, b), new, old)
+def _where(chosen: Array, one: Any, other: Any) -> Any:
+    """One where that is chosen, the other elsewhere."""
+    return jax.tree.map(lambda a, b: jnp.where(chosen, a, b), one, other)

@@ -2,6 +2,7 @@
 
 import functools
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -102,12 +103,14 @@ def _of_people(log: RaceLog, config: TrainConfig, track: Track, vehicle: Vehicle
     if not people:
         return
     gates = np.array([gate.position_w for gate in track.gates])
-    if log.vehicle != vehicle.name or log.action.shape[2] != vehicle.action.size:
-        raise CruiseError(f"--demonstrations were flown in {log.vehicle!r}, this run trains for {name_of(vehicle)!r}")
+    theirs = ", ".join(dict.fromkeys(log.vehicles[people].tolist()))  # rivals may have flown something else
+    if theirs != vehicle.name or log.action.shape[2] < vehicle.action.size:
+        raise CruiseError(f"--demonstrations were flown in {theirs!r}, this run trains for {name_of(vehicle)!r}")
     motions = np.array([motion_row(gate.motion) for gate in track.gates])
     if not (_same(log.gate_position, gates) and _same(log.gate_motion, motions)):
         raise CruiseError(f"--demonstrations were flown on {log.track!r}, this run trains on {track.name!r}")
     env = make_race_env(track, log.num_drones, vehicle)
+    log = replace(log, action=log.action[:, :, : vehicle.action.size])  # as wide as the widest in a mixed field
     look = jax.jit(lambda state: _seen(env, config.observation, state, log))
     observed, actions = (np.asarray(values) for values in look(state_of(env, log)))
     for drone in people:
