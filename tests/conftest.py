@@ -57,7 +57,7 @@ install_import_hook("cruise", f"{annotations.__name__}.checked")
 settings.register_profile("cruise", deadline=None, derandomize="CI" in os.environ)
 settings.load_profile("cruise")
 
-gc.set_threshold(50_000)  # tracing makes many objects, of which few are garbage: seldom is often enough
+gc.set_threshold(50_000, 5, 5)  # tracing makes many objects, of which few are garbage: seldom is often enough
 
 MOST_MEMORY = 1.4e9  # of a worker between two tests [bytes]
 MOST_MAPPINGS = 20_000  # of its memory: every compiled program has some, and Linux ends a process at 65,530
@@ -119,7 +119,10 @@ def _little_memory():
     Not after every test where something else holds as much: each would compile anew.
     """
     yield
-    if _resident() > max(MOST_MEMORY, _held[0] + 0.4e9):
+    most = max(MOST_MEMORY, _held[0] + 0.4e9)
+    if _resident() > most:
+        _let_go()
+    if _resident() > most:
         _forget_programs()
         _held[0] = _resident()
 
@@ -133,8 +136,13 @@ def _few_mappings():
 
 
 def _forget_programs() -> None:
-    """What was freed goes back to the system, where its C library can be told so."""
+    """Compiled ones, and all that only they hold."""
     jax.clear_caches()
+    _let_go()
+
+
+def _let_go() -> None:
+    """Garbage; what was freed goes back to the system, where its C library can be told so."""
     gc.collect()
     with contextlib.suppress(AttributeError, OSError):
         ctypes.CDLL(None).malloc_trim(0)

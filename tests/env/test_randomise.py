@@ -32,8 +32,12 @@ def env_with(randomisation: Randomisation, drones: int = 2) -> RaceEnv:
     return make_race_env(RING, drones, vehicle, "body", perturb=perturbation(RING, vehicle, randomisation))
 
 
+def started(env: RaceEnv, races: int, seed: int = 0) -> RaceState:
+    return jax.jit(env.reset, static_argnums=1)(jax.random.key(seed), (races,))
+
+
 def drawn(randomisation: Randomisation, drones: int = 2) -> RaceState:
-    return jax.jit(env_with(randomisation, drones).reset, static_argnums=1)(jax.random.key(0), (RACES,))
+    return started(env_with(randomisation, drones), RACES)
 
 
 def test_physical_parameters_spread_evenly_drone_by_drone() -> None:
@@ -146,7 +150,7 @@ def test_a_longer_delay_is_remembered() -> None:
 def test_moved_gates_are_those_of_a_track_that_has_them_there() -> None:
     """Start, observation and step in a race with moved gates are those on a track built so."""
     moved = env_with(Randomisation(gate_shift=0.5, gate_turn=0.3))
-    state = jax.jit(moved.reset, static_argnums=1)(jax.random.key(3), (4,))
+    state = started(moved, 4, seed=3)
     course = moved.course_of(state)
     shift = np.asarray(course.position_w) - np.array([g.position_w for g in RING.gates]).T[:, :, None]
     assert 0.4 < np.abs(shift).max() <= 0.5001
@@ -160,7 +164,7 @@ def test_moved_gates_are_those_of_a_track_that_has_them_there() -> None:
         there = make_race_env(dataclasses.replace(RING, gates=tuple(gates)), 2, RACER, "body")
         alone = jax.tree.map(lambda x, race=race: x[..., race], state)._replace(surroundings=Surroundings())
         np.testing.assert_allclose(moved.observe(state)[..., race], there.observe(alone), atol=1e-5)
-        other, same = there.step(alone, action[..., race], RULES)
+        other, same = jax.jit(there.step)(alone, action[..., race], RULES)
         np.testing.assert_allclose(outcome.reward[:, race], same.reward, atol=1e-4)
         np.testing.assert_allclose(outcome.crossing.offset[:, race], same.crossing.offset, atol=1e-5)
         np.testing.assert_array_equal(after.next_gate[:, race], other.next_gate)
@@ -183,7 +187,7 @@ def before_the_gate(env: RaceEnv, state: RaceState):
 def test_no_gate_is_moved_into_the_ground() -> None:
     eight = TRACKS["figure-eight"]
     env = make_race_env(eight, 1, RACER, perturb=perturbation(eight, RACER, Randomisation(gate_shift=1.0)))
-    height = np.asarray(env.course_of(env.reset(jax.random.key(0), (RACES,))).position_w)[2]
+    height = np.asarray(env.course_of(started(env, RACES)).position_w)[2]
     usual = np.array([gate.position_w[2] for gate in eight.gates])
     assert (height >= np.minimum(usual, 1.0)[:, None] - 1e-6).all()
     assert (height > usual[:, None] + 0.9).any()
@@ -232,7 +236,7 @@ def test_gusts_push_a_drone_by_its_drag() -> None:
     strong = Gusts(jnp.full(1, 5.0), jnp.full((3, 4, 1), jnp.pi / 2))
     env = make_race_env(RING, 1, RACER, perturb=lambda key, shape: Conditions(surroundings=Surroundings(gusts=strong)))
     hover = jnp.zeros((4, 1, 1)).at[0].set(2 * 9.81 / RACER.agility - 1)
-    after, _ = env.step(env.reset(jax.random.key(0), (1,)), hover, RULES)
+    after, _ = jax.jit(env.step)(started(env, 1), hover, RULES)
     wind = np.asarray(gust_w(strong, jnp.zeros(1)))[:2, 0]
     gain = RACER.airframe.drag.horizontal / RACER.mass * RACER.control_dt
     np.testing.assert_allclose(after.drones.velocity_w[:2, 0, 0], gain * wind, rtol=0.02)
@@ -272,7 +276,7 @@ def test_attitude_is_wrong_by_an_angle() -> None:
 def test_the_papers_vehicle_has_gates_and_sensors_to_differ() -> None:
     there = RANDOMISATION["paper"]
     env = make_race_env(RING, 2, made_for(PAPER, there), perturb=perturbation(RING, PAPER, there))
-    state = env.reset(jax.random.key(0), (RACES,))
+    state = started(env, RACES)
     wrong = np.asarray(perceive(state).drones.body.euler)
     np.testing.assert_allclose(wrong.std(), 0.015 * np.sqrt(1 + NOISE**2), rtol=0.1)
     assert np.asarray(env.observe(perceive(state))).shape == env.observe(state).shape
@@ -295,7 +299,7 @@ def test_what_makes_no_sense_is_refused(changes: dict, vehicle, complaint: str) 
 def test_every_race_gets_a_variant_of_the_track_as_it_stands():
     track = random_tracks(0, 5)
     env = make_race_env(track, 2, RACER, "body")
-    course = env.course_of(env.reset(jax.random.key(0), (200,)))
+    course = env.course_of(started(env, 200))
     tables = np.array([[gate.position_w for gate in gates] for gates in track.variants], np.float32)
     yaws = np.array([[gate.yaw for gate in gates] for gates in track.variants])
     drawn = np.moveaxis(np.asarray(course.position_w), 2, 0).swapaxes(1, 2)
@@ -311,7 +315,7 @@ def test_gates_of_a_variant_are_moved_too():
     track = random_tracks(0, 5)
     shifted = Randomisation(gate_shift=0.1)
     env = make_race_env(track, 1, RACER, "body", perturb=perturbation(track, RACER, shifted))
-    course = env.course_of(env.reset(jax.random.key(0), (50,)))
+    course = env.course_of(started(env, 50))
     tables = np.array([[gate.position_w for gate in gates] for gates in track.variants], np.float32)
     drawn = np.moveaxis(np.asarray(course.position_w), 2, 0).swapaxes(1, 2)
     nearest = np.abs(drawn[:, None] - tables).max((2, 3)).min(1)
@@ -351,7 +355,7 @@ def test_a_reshaped_track_is_one_of_the_variants_mirrored_turned_round_and_stret
 def test_races_on_random_tracks_start_before_their_own_gates():
     track = random_tracks(0, 5)
     env = make_race_env(track, 1, RACER, "body")
-    state = env.reset(jax.random.key(0), (100,))
+    state = started(env, 100)
     course = env.course_of(state)
     centre, normal = pick(course.position_w, state.next_gate), pick(course.normal_w, state.next_gate)
     offset = state.drones.position_w - centre

@@ -161,8 +161,8 @@ class Session:
                         raise Interrupted(f"stopped after {progress.steps:,} steps; go on with: {self.resume_command}")
         except TrainingDiverged as error:
             raise TrainingDiverged(f"{error}; the last good checkpoint is {self.folder / CURRENT}") from None
-        except jax.errors.JaxRuntimeError as error:
-            if jax.process_count() == 1:
+        except (jax.errors.JaxRuntimeError, ValueError) as error:  # JAX raises either, by where it waits for the other
+            if jax.process_count() == 1 or (isinstance(error, ValueError) and "Gloo" not in str(error)):
                 raise
             reason = str(error).splitlines()[0]
             raise CruiseError(f"a process of this run was lost ({reason}); go on with: {self.resume_command}") from None
