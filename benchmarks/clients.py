@@ -31,6 +31,7 @@ CLIENTS: dict[str, tuple[str, str, Callable[[dict[str, Any]], Any] | None]] = {
     "TorchRL": ("torch", "torchrl", clients_learn.torchrl),
     "TorchRL, every drone": ("torch", "torchrl", clients_learn.torchrl_agents),
     "skrl": ("torch", "skrl", clients_learn.skrl),
+    "skrl, every drone": ("torch", "skrl", clients_learn.skrl_agents),
     "PettingZoo's checks": ("torch", "pettingzoo", None),
     "Gymnasium's check": ("torch", "gymnasium", None),
     "Tianshou": ("tianshou", "tianshou", clients_learn.tianshou),

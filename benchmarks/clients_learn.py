@@ -194,6 +194,37 @@ def skrl(names: Names) -> None:
     trainer.train()
 
 
+def skrl_agents(names: Names) -> None:
+    """Its IPPO and trainer."""
+    from skrl.memories.torch import RandomMemory
+    from skrl.multi_agents.torch.ippo import IPPO
+    from skrl.trainers.torch import SequentialTrainer
+    from skrl.utils.model_instantiators.torch import deterministic_model, gaussian_model
+
+    env, models = names["env"], {}
+    network = [{"name": "net", "input": "OBSERVATIONS", "layers": [64, 64], "activations": "tanh"}]
+    for agent in env.possible_agents:
+        spaces = {"observation_space": env.observation_spaces[agent], "action_space": env.action_spaces[agent]}
+        models[agent] = {
+            "policy": gaussian_model(**spaces, device=env.device, network=network, output="ACTIONS"),
+            "value": deterministic_model(**spaces, device=env.device, network=network, output="ONE"),
+        }
+    settings = {"rollouts": ROLLOUT, "experiment": {"write_interval": 0, "checkpoint_interval": 0}}
+    for given in ("learning_rate_scheduler", "observation_preprocessor", "state_preprocessor", "value_preprocessor"):
+        settings[f"{given}_kwargs"] = {agent: {} for agent in models}  # by agent, as its own defaults are not
+    agents = IPPO(
+        possible_agents=env.possible_agents,
+        models=models,
+        memories={agent: RandomMemory(memory_size=ROLLOUT, num_envs=1, device=env.device) for agent in models},
+        cfg=settings,
+        observation_spaces=env.observation_spaces,
+        state_spaces=env.state_spaces,
+        action_spaces=env.action_spaces,
+        device=env.device,
+    )
+    SequentialTrainer(env=env, agents=agents, cfg={"timesteps": STEPS // len(models), "headless": True}).train()
+
+
 def agilerl(names: Names) -> None:
     """Its PPO and training loop, a population of one."""
     from agilerl.algorithms import PPO
