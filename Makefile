@@ -162,7 +162,7 @@ TRAIN.racer-figure-eight-sturdy := $(STURDY) --track figure-eight --drones 1 --s
     --start-from racer-figure-eight --learning-rate 6e-4
 # The recipe of today, on tracks that are drawn anew for ever.
 TRAIN.generalist := --vehicle racer --track any --drones 1 --step-scale 2 --epochs 2 --final-learning-rate 2e-5 --terminal -10 \
-    --evaluate-every 2000000
+    --evaluate-every 2000000 --average-updates 80
 # Trained before frames cost more and partners were more.
 TRAIN.crazyflie-ring := --vehicle crazyflie --track ring --drones 4 --edge-margin 0.2 --w-edge 10 --sparring-share 0.1 \
     --gae-lambda 0.95 $(BODY)

@@ -347,6 +347,10 @@ class PPOConfig:
     minibatches: int = 16  # Minibatches per epoch.
     learning_rate: float = 1e-3  # Adam's learning rate at the start.
     final_learning_rate: float = 1e-4  # Learning rate at the end; it falls linearly.
+    # KL divergence of an update that the learning rate follows, a quarter of it at the end; 0: the rate falls.
+    target_kl: float = 0.0
+    # Updates over which parameters are averaged to be measured, raced against and kept; 0: the newest are.
+    average_updates: int = 0
     gamma: float = 0.99  # Discount factor per step.
     gae_lambda: float = 0.98  # Lambda of generalised advantage estimation (GAE).
     after_crash: Literal["restart", "nothing"] = "restart"  # Value after a crash: of the restart, or 0.

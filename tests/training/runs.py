@@ -30,7 +30,14 @@ TINY = TrainConfig(
     episode_steps=24,
     checkpoint_seconds=1e9,
     ppo=PPOConfig(
-        races=RACES, rollout_steps=STEPS, minibatches=4, hidden=(16, 16), least_noise=0.7, company_distance=3.0
+        races=RACES,
+        rollout_steps=STEPS,
+        minibatches=4,
+        hidden=(16, 16),
+        target_kl=0.01,
+        average_updates=3,
+        least_noise=0.7,
+        company_distance=3.0,
     ),
     opponents=SelfPlayConfig(
         evaluate_every=4 * PER_UPDATE, evaluation_races=RACES, evaluation_steps=30, patience=1, sparring_share=0.3
@@ -39,8 +46,9 @@ TINY = TrainConfig(
 # The same from the command line.
 _FLAGS = (
     "--drones 2 --step-scale 0.0012 --episode-steps 24 --races 64 --rollout-steps 16 --minibatches 4 --hidden 16 16 "
-    "--least-noise 0.7 --company-distance 3 --evaluate-every 4096 --evaluation-races 64 --evaluation-steps 30 "
-    "--patience 1 --learning-rate 1e-3 --final-learning-rate 1e-4 --gae-lambda 0.98 --initial-log-std -0.5 "
+    "--target-kl 0.01 --average-updates 3 --least-noise 0.7 --company-distance 3 --evaluate-every 4096 "
+    "--evaluation-races 64 --evaluation-steps 30 --patience 1 --learning-rate 1e-3 --final-learning-rate 1e-4 "
+    "--gae-lambda 0.98 --initial-log-std -0.5 "
     "--entropy-weight 0.005 --entropy-hold 0 --entropy-end 1 --sparring-share 0.3"
 )
 TINY_FLAGS = _FLAGS.split()

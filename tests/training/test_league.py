@@ -113,7 +113,7 @@ def test_a_policy_takes_a_free_place_then_that_of_the_most_beaten_but_never_a_fo
     free = full._replace(joined=jnp.array([0, 0, -1, 0, -1, 0]))
     for league, founders, place in ((free, 1, 2), (full, 0, 0), (full, 1, 3)):
         after = join(state._replace(league=league), founders)
-        assert bits(jax.tree.map(lambda leaf: leaf[place], after.league.members)) == bits(state.model)  # noqa: B023
+        assert bits(jax.tree.map(lambda leaf: leaf[place], after.league.members)) == bits(state.policy)  # noqa: B023
         others = np.arange(PLACES) != place
         for was, now in zip(jax.tree.leaves(league.members), jax.tree.leaves(after.league.members), strict=True):
             np.testing.assert_array_equal(np.asarray(was)[others], np.asarray(now)[others])
@@ -149,7 +149,7 @@ def test_training_fills_the_league_with_the_policies_of_its_replacements():
     for k in replaced:
         before, after = run()[k - 1].state.league, run()[k].state.league
         place = int(np.flatnonzero(np.asarray(before.joined) != np.asarray(after.joined))[0])
-        assert bits(jax.tree.map(lambda leaf: leaf[place], after.members)) == bits(run()[k].state.model)  # noqa: B023
+        assert bits(jax.tree.map(lambda leaf: leaf[place], after.members)) == bits(run()[k].state.policy)  # noqa: B023
 
 
 def test_races_whose_opponents_change_begin_anew_and_no_others():

@@ -57,7 +57,7 @@ def test_what_is_left_of_a_run_goes_on_to_the_same_policy(tmp_path):
     alone = start("--resume", str(folder), "--episodes", "1")
     _, said = alone.communicate(timeout=PATIENCE)
     assert alone.returncode == 0, said
-    found, expected = load_policy(folder).params, whole_run()[-1].state.model
+    found, expected = load_policy(folder).params, whole_run()[-1].state.policy
     for a, b in zip(jax.tree.leaves(expected.actor), jax.tree.leaves(found.actor), strict=True):
         np.testing.assert_allclose(b, a, atol=1e-3)
 

@@ -57,7 +57,7 @@ def test_replacement_copies_the_active_policy_and_keeps_the_generation_before():
     state = whole_run()[5].state
     state = state._replace(opponents=state.opponents._replace(failed=jnp.asarray(3, jnp.int32)))
     after = replace_opponents(state)
-    assert bits(after.opponents.newest) == bits(state.model)
+    assert bits(after.opponents.newest) == bits(state.policy)
     assert bits(after.opponents.previous) == bits(state.opponents.newest)
     assert np.asarray(after.opponents.uses_previous).all()
     assert int(after.opponents.failed) == 0
@@ -85,7 +85,7 @@ def test_learning_never_touches_the_opponents():
     for progress in run:
         pool = progress.state.opponents
         if progress.opponents_replaced:
-            newest, previous, replacements = bits(progress.state.model), newest, replacements + 1
+            newest, previous, replacements = bits(progress.state.policy), newest, replacements + 1
         assert bits(pool.newest) == newest
         assert bits(pool.previous) == previous
         assert bits(progress.state.model) != bits(run[0].state.model) or progress is run[0]
@@ -170,7 +170,7 @@ def test_evaluations_of_a_run_are_against_the_newest_opponents():
         origin = np.array([TINY.seed, now.state.updates], np.uint32)
         opponents = before.state.opponents.newest
         again = trainer.evaluate(
-            now.state.model, opponents, trainer.rules_of(now.phase), np.asarray(False), origin, None
+            now.state.policy, opponents, trainer.rules_of(now.phase), np.asarray(False), origin, None
         )
         np.testing.assert_array_equal(now.score[:4], [float(x) for x in again[:4]])
         checked += 1

@@ -46,7 +46,7 @@ def test_every_stage_leaves_a_policy_that_flies_like_its_last_state(uninterrupte
     for number, phase in enumerate(tiny_trainer().phases, start=1):
         pilot, meta = load_policy(folder / f"stage-{number}"), read_meta(folder / f"stage-{number}")
         assert isinstance(pilot, NeuralPilot)
-        assert bits(pilot.params) == bits(whole_run()[phase.last_update - 1].state.model)
+        assert bits(pilot.params) == bits(whole_run()[phase.last_update - 1].state.policy)
         assert (meta.steps, meta.agility) == (phase.last_update * 1024, phase.stage.agility)
         assert (meta.track, meta.drones, meta.seed, meta.observation) == ("ring", 2, 0, "extended")
     assert load_config(folder / CONFIG, type(TINY)) == TINY
@@ -62,7 +62,7 @@ def test_finish_writes_the_policy_with_what_was_measured_of_it(uninterrupted):
 
     path = uninterrupted.finish(measure)
     assert path == uninterrupted.folder / "policy.safetensors"
-    assert seen == [bits(whole_run()[-1].state.model)] == [bits(load_policy(uninterrupted.folder).params)]
+    assert seen == [bits(whole_run()[-1].state.policy)] == [bits(load_policy(uninterrupted.folder).params)]
     meta = read_meta(uninterrupted.folder)
     assert meta.results == {"success_rate": {"mean": 0.5}}
     assert meta.config["ppo"]["hidden"] == [16, 16]

@@ -89,6 +89,7 @@ def state_specs(shape: TrainState) -> TrainState:
         league=None if shape.league is None else everywhere,  # type: ignore[arg-type]
         carries=over_races(shape.carries),
         opponents_carry=over_races(shape.opponents_carry),
+        average=None if shape.average is None else everywhere,  # type: ignore[arg-type]
     )
 
 

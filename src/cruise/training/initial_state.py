@@ -34,7 +34,8 @@ def initial_state(trainer: Trainer) -> TrainState:
     if league is not None:
         founders = [_fitting(name, config, state.model, {config.observation}) for name in config.opponents.founders]
         league = found_league(model, config.opponents.league, founders)
-    return trainer.place(state._replace(model=model, opponents=pool, league=league))
+    average = None if state.average is None else model
+    return trainer.place(state._replace(model=model, opponents=pool, league=league, average=average))
 
 
 def _require_same_critic(config: TrainConfig) -> None:

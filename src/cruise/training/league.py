@@ -128,7 +128,7 @@ def join(state: TrainState, founders: int) -> TrainState:
     places = jnp.arange(len(league.joined))
     drop = jnp.where(league.joined < 0, 2.0, league.beaten)
     place = jnp.argmax(jnp.where(places < founders, -1.0, drop))
-    members = jax.tree.map(lambda all_, new: all_.at[place].set(new), league.members, state.model)
+    members = jax.tree.map(lambda all_, new: all_.at[place].set(new), league.members, state.policy)
     joined = league._replace(
         members=members,
         joined=league.joined.at[place].set(state.updates),

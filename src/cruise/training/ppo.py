@@ -17,12 +17,43 @@ from cruise.training.formulas import clipped_surrogate, generalised_advantages
 from cruise.training.minibatches import make_minibatches
 from cruise.training.types import Batch, TrainState
 
+LAST_KL = 0.25  # of `target_kl`, at the end of a run
+KL_BAND, RATE_STEP = 1.5, 1.3  # factor off the target that is let be; factor by which the rate follows
+RATES = (1e-5, 5e-3)
+
 
 def make_optimiser(config: PPOConfig, total_updates: int) -> optax.GradientTransformation:
-    """Adam behind a clip of the gradient's norm, its rate falling linearly over the run."""
+    """Adam behind a clip of the gradient's norm, its rate falling linearly over the run, or following `target_kl`."""
+    clip = optax.clip_by_global_norm(config.max_grad_norm)
+    if config.target_kl:
+        adam = optax.inject_hyperparams(optax.adam)(learning_rate=config.learning_rate, eps=1e-5)
+        return optax.chain(clip, adam)
     gradient_steps = max(1, total_updates * config.epochs * config.minibatches)
     schedule = optax.linear_schedule(config.learning_rate, config.final_learning_rate, gradient_steps)
-    return optax.chain(optax.clip_by_global_norm(config.max_grad_norm), optax.adam(schedule, eps=1e-5))
+    return optax.chain(clip, optax.adam(schedule, eps=1e-5))
+
+
+def follow_kl(optimiser: optax.OptState, kl: Array, progress: Array, config: PPOConfig) -> optax.OptState:
+    """The state of Adam with a lower learning rate where an update changed the policy too much, a higher where little.
+
+    The rule of Schulman et al. (2017, section 4) applied to the rate, as for legged robots (Rudin et al., CoRL 2021).
+    `progress` is the share of the run that is done: the target falls with it.
+    """
+    target = config.target_kl * (1 - (1 - LAST_KL) * progress)
+    clip, adam = optimiser
+    rate = adam.hyperparams["learning_rate"]
+    factor = jnp.where(kl > KL_BAND * target, 1 / RATE_STEP, jnp.where(kl < target / KL_BAND, RATE_STEP, 1.0))
+    rate = jnp.clip(rate * factor, *RATES)
+    return clip, adam._replace(hyperparams=adam.hyperparams | {"learning_rate": rate})
+
+
+def averaged(state: TrainState, model: ActorCritic, updates: int) -> ActorCritic | None:
+    """The exponential average of the parameters over so many updates, of all where there were fewer."""
+    if state.average is None:
+        return None
+    share = 1 / jnp.minimum(state.updates + 1, updates)
+    average: ActorCritic = jax.tree.map(lambda old, new: old + share * (new - old), state.average, model)
+    return average
 
 
 def exploration_schedule(config: PPOConfig, total_updates: int) -> optax.Schedule:
@@ -162,7 +193,14 @@ def make_learn(
         keys = jax.random.split(shuffle_key, config.epochs)
         metrics: dict[str, Array]
         (parameters, opt_state), metrics = jax.lax.scan(epoch, (parameters, state.optimiser), keys)
-        state = state._replace(model=unflatten(parameters), optimiser=opt_state, updates=state.updates + 1)
-        return state, {name: values.mean() for name, values in metrics.items()}
+        measured = {name: values.mean() for name, values in metrics.items()}
+        if config.target_kl:
+            kl = mean_over_devices(measured["policy/kl"], axis)
+            opt_state = follow_kl(opt_state, kl, state.updates / total_updates, config)
+            measured["policy/rate"] = opt_state[1].hyperparams["learning_rate"]
+        model = unflatten(parameters)
+        average = averaged(state, model, config.average_updates)
+        state = state._replace(model=model, optimiser=opt_state, average=average, updates=state.updates + 1)
+        return state, measured
 
     return learn

@@ -118,7 +118,7 @@ def replace_opponents(state: TrainState) -> TrainState:
     """phi_i <- theta_a. Races under way keep their opponents until they end."""
     pool = state.opponents
     everywhere = jnp.ones_like(pool.uses_previous)
-    return state._replace(opponents=OpponentPool(state.model, pool.newest, everywhere, jnp.zeros_like(pool.failed)))
+    return state._replace(opponents=OpponentPool(state.policy, pool.newest, everywhere, jnp.zeros_like(pool.failed)))
 
 
 def play_on(state: TrainState) -> TrainState:

@@ -205,7 +205,7 @@ class Session:
             flown_on=None if self.track.variants else self.track,
             layout=self.trainer.env.layout(self.config.observation),
         )
-        return save_policy(self.folder / f"{stem}.safetensors", self.state.model, meta)
+        return save_policy(self.folder / f"{stem}.safetensors", self.state.policy, meta)
 
 
 def must_be_new(folder: Path) -> None:

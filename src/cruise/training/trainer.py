@@ -173,6 +173,7 @@ class Trainer:
             league=found_league(model, self.config.opponents.league) if self.config.opponents.league else None,
             carries=model.init_carries((ppo.races,)),
             opponents_carry=model.init_carry((env.num_drones - 1, ppo.races)),
+            average=model if ppo.average_updates else None,
         )
 
     def _network_shape(self, races: RaceState) -> NetworkShape:
@@ -237,7 +238,7 @@ class Trainer:
         self, state: TrainState, phase: Phase, rules: Rules, alone: np.ndarray | Array
     ) -> tuple[Score, TrainState, bool]:
         origin = np.array([self.config.seed, int(state.updates)], np.uint32)
-        score = self.evaluate(state.model, state.opponents.newest, rules, alone, origin, state.league)
+        score = self.evaluate(state.policy, state.opponents.newest, rules, alone, origin, state.league)
         if state.league is not None:
             state = after_evaluation(state, score.beaten, evaluation_keys(origin)[1])
         score = Score(*(float(x) for x in score[:4]))  # type: ignore[arg-type]

@@ -143,7 +143,7 @@ class Trial:
         last = trainer.phases[-1]
         origin = np.array([trainer.config.seed, int(state.updates)], np.uint32)
         rules, alone = trainer.rules_of(last), np.asarray(last.alone)
-        score: Score = trainer.evaluate(state.model, state.opponents.newest, rules, alone, origin, state.league)
+        score: Score = trainer.evaluate(state.policy, state.opponents.newest, rules, alone, origin, state.league)
         return score
 
     def save(self, folder: Path) -> None:

@@ -56,6 +56,12 @@ class TrainState(NamedTuple):
     league: League | None = None  # None: there is none
     carries: Carries = Carries((), ())  # what the active policy's networks remember of the races under way [H E]
     opponents_carry: Carry = ()  # what those remember that fly the opponents [H N-1 E]
+    average: ActorCritic | None = None  # of the active policy's parameters over the last updates; None: none is kept
+
+    @property
+    def policy(self) -> ActorCritic:
+        """What a run has to show: it is measured, flies the opponents and is kept."""
+        return self.model if self.average is None else self.average
 
 
 class Transitions(NamedTuple):

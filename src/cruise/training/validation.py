@@ -77,7 +77,10 @@ def _ppo_faults(ppo: PPOConfig) -> Iterator[str]:
         yield f"races ({ppo.races}) must be at least rollout_steps ({ppo.rollout_steps})"
     yield from _not_positive(ppo, "learning_rate", "clip_ratio", "max_grad_norm")
     yield from _below(
-        0, ppo, "final_learning_rate", "value_weight", "entropy_weight", "caution_distance", "company_distance"
+        0,
+        ppo,
+        *("final_learning_rate", "target_kl", "average_updates"),
+        *("value_weight", "entropy_weight", "caution_distance", "company_distance"),
     )
     yield from _not_shares(ppo, "gamma", "gae_lambda", "entropy_hold", "entropy_end", "least_noise")
     if ppo.entropy_end < ppo.entropy_hold:

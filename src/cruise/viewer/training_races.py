@@ -70,7 +70,7 @@ class TrainingRaces:
         phase = progress.phase
         self._offers.put(
             _Offer(
-                model=jax.tree.map(np.asarray, progress.state.model),
+                model=jax.tree.map(np.asarray, progress.state.policy),
                 agility=phase.stage.agility,
                 label=f"stage {phase.number}, {progress.steps / 1e6:.2f} M steps",
                 number=int(progress.state.updates),
