@@ -34,7 +34,6 @@ TINY = TrainConfig(
         rollout_steps=STEPS,
         minibatches=4,
         hidden=(16, 16),
-        target_kl=0.01,
         average_updates=3,
         least_noise=0.7,
         company_distance=3.0,
@@ -46,7 +45,7 @@ TINY = TrainConfig(
 # The same from the command line.
 _FLAGS = (
     "--drones 2 --step-scale 0.0012 --episode-steps 24 --races 64 --rollout-steps 16 --minibatches 4 --hidden 16 16 "
-    "--target-kl 0.01 --average-updates 3 --least-noise 0.7 --company-distance 3 --evaluate-every 4096 "
+    "--average-updates 3 --least-noise 0.7 --company-distance 3 --evaluate-every 4096 "
     "--evaluation-races 64 --evaluation-steps 30 --patience 1 --learning-rate 1e-3 --final-learning-rate 1e-4 "
     "--gae-lambda 0.98 --initial-log-std -0.5 "
     "--entropy-weight 0.005 --entropy-hold 0 --entropy-end 1 --sparring-share 0.3"

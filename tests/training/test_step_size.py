@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from cruise.storage.checkpoint import load_checkpoint, save_checkpoint
 from cruise.training.ppo import KL_BAND, LAST_KL, RATE_STEP, RATES, follow_kl, make_learn, make_optimiser
 from tests.training import test_learn
 from tests.training.runs import bits, whole_run
@@ -78,3 +79,11 @@ def test_the_average_races_as_the_opponent():
     assert replaced
     for state in replaced:
         assert bits(state.opponents.newest) == bits(state.average) != bits(state.model)
+
+
+def test_a_checkpoint_keeps_the_rate_that_was_reached(tmp_path):
+    optimiser = make_optimiser(FOLLOWS, UPDATES)
+    state = follow_kl(optimiser.init(jnp.zeros(3)), jnp.float32(1.0), jnp.float32(0.0), FOLLOWS)
+    save_checkpoint(tmp_path, {"optimiser": state}, {})
+    loaded, _ = load_checkpoint(tmp_path, {"optimiser": jax.eval_shape(optimiser.init, jnp.zeros(3))})
+    assert bits(loaded["optimiser"]) == bits(state) != bits(optimiser.init(jnp.zeros(3)))
