@@ -1,5 +1,8 @@
 """Flight logs: every format gives the same flight, and whatever is wrong with one is told in one line."""
 
+import gc
+import io
+
 import numpy as np
 import pytest
 
@@ -162,6 +165,15 @@ def test_every_other_bad_log_gets_one_line(case, tmp_path):
     name, write, expected = BAD_OTHERS[case]
     write(tmp_path / name)
     assert refused(tmp_path / name).startswith(expected)
+
+
+def test_no_bad_log_stays_open(tmp_path):
+    (tmp_path / "x.ulg").write_bytes(b"no ULog")
+    with pytest.raises(CruiseError) as told:  # which holds on to whatever was opened
+        load_log(tmp_path / "x.ulg")
+    files = [thing for thing in gc.get_objects() if isinstance(thing, io.BufferedReader)]
+    assert told.value.__cause__ is not None
+    assert not [file for file in files if "x.ulg" in str(file.name) and not file.closed]
 
 
 def test_csv_ulog_and_blackbox_tell_the_same_flight(tmp_path):

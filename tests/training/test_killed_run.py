@@ -153,7 +153,7 @@ def events_in(path: Path) -> list[Event]:
 
 def test_the_finished_policy_flies(story):
     pilot, meta = load_policy(story.folder), read_meta(story.folder)
-    assert bits(pilot.params) == bits(whole_run()[-1].state.model)
+    assert bits(pilot.params) == bits(whole_run()[-1].state.policy)
     results = meta.results
     assert (results["track"], results["drones"], results["episodes"]) == ("ring", 2, 2)
     assert 0 <= results["success_rate"]["mean"] <= 1

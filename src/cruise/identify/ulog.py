@@ -23,7 +23,8 @@ def read_ulog(path: Path) -> FlightLog:
     """
     pyulog = import_extra("pyulog", "identify", "PX4's logs need pyulog")
     try:
-        topics = {topic.name: topic for topic in reversed(pyulog.ULog(str(path)).data_list)}
+        with path.open("rb") as file:  # not by its name: pyulog leaves what it cannot read open
+            topics = {topic.name: topic for topic in reversed(pyulog.ULog(file).data_list)}
     except Exception as error:  # pyulog raises whatever a damaged file leads it to
         raise CruiseError(f"{shown(path)}: not a log of PX4: {one_line(error)}") from error
     rates = _first(topics, ("vehicle_angular_velocity", "xyz[3]"), ("sensor_combined", "gyro_rad[3]"))

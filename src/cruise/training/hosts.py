@@ -15,6 +15,8 @@ from cruise.errors import CruiseError
 T = TypeVar("T")
 Tree = TypeVar("Tree")
 
+SILENCE = 30  # of a process, after which it is lost; who stops waits as long for it [s]
+
 
 def join(coordinator: str, process: str) -> None:
     """Meet the other processes of a run, before JAX is used for anything else.
@@ -30,7 +32,7 @@ def join(coordinator: str, process: str) -> None:
     if not re.fullmatch(r"[^:\s]+:\d{1,5}", coordinator):
         raise CruiseError(f"--coordinator must be host:port of the first process, got {coordinator!r}")
     try:
-        jax.distributed.initialize(coordinator, count, number)
+        jax.distributed.initialize(coordinator, count, number, heartbeat_timeout_seconds=SILENCE)
     except RuntimeError as error:
         reason = str(error).splitlines()[0]
         raise CruiseError(f"process {process} cannot meet the others at {coordinator}: {reason}") from None
