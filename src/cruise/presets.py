@@ -196,27 +196,36 @@ def _cascade_recipe(vehicle: Vehicle, drones: int) -> TrainConfig:
 
 
 def _agile_recipe(vehicle: Vehicle, drones: int) -> TrainConfig:
-    alone = drones == 1  # what is measured for a drone alone, docs/learning.md, is not for fields
-    return TrainConfig(
+    field = TrainConfig(
         drones=drones,
-        observation="racing" if alone else "body",
-        critic_observation="racing-far" if alone else "",
-        episode_steps=600 if alone else 300,  # 12 s; with others 6 s, because fields soon draw out
-        reward=replace(REWARDS["agile"], w_beside=15.0) if alone else REWARDS["agile"],
+        observation="body",
+        reward=REWARDS["agile"],
         ppo=PPOConfig(
             gamma=0.995,
-            gae_lambda=0.98 if alone else 0.95,
-            value_loss="relative" if alone else "absolute",
-            # With the value of a restart, a drone that starts low learns to dive and start anew.
-            after_crash="nothing" if alone else "restart",
+            gae_lambda=0.95,
             entropy_weight=0.0,
             hidden=(128, 128),
             initial_log_std=-0.3,
             caution_distance=1.5,
         ),
         opponents=SelfPlayConfig(vary_field=True, sparring_share=0.2, evaluation_steps=1000),  # 20 s
-        # Alone, a drone flies on for 12 s and sees the whole of a track that it starts at one place of.
-        spread_starts=0.0 if alone else 0.5,
-        retry_share=0.5 if alone else 0.0,
+        episode_steps=300,  # 6 s, because fields soon draw out
+        spread_starts=0.5,
         randomisation=training_randomisation(vehicle, 0.5),
+    )
+    return _alone(field) if drones == 1 else field
+
+
+def _alone(field: TrainConfig) -> TrainConfig:
+    """What is measured for a drone alone, docs/learning.md, and is not for fields."""
+    return replace(
+        field,
+        observation="racing",
+        critic_observation="racing-far",
+        reward=replace(field.reward, w_beside=15.0),
+        # With the value of a restart, a drone that starts low learns to dive and start anew.
+        ppo=replace(field.ppo, gae_lambda=0.98, value_loss="relative", after_crash="nothing"),
+        episode_steps=600,  # 12 s: it sees the whole of a track that it starts at one place of
+        spread_starts=0.0,
+        retry_share=0.5,
     )

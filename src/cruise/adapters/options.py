@@ -10,7 +10,7 @@ from typing import Any, Literal, NamedTuple
 
 from cruise.actions import Action
 from cruise.config import ObservationKind, Randomisation, RewardWeights, Sensing, Stage, Track, TrainConfig, Vehicle
-from cruise.env.mixed import field_dynamics, groups_of
+from cruise.env.mixed import collision_distances, field_dynamics, groups_of
 from cruise.env.observation import observation_layout
 from cruise.env.payment import find_reward_terms
 from cruise.env.randomise import made_for
@@ -158,7 +158,7 @@ def choose(options: RaceOptions, everybody_learns: bool) -> Choices:
         stage=_stage(options, vehicle),
         agility=tuple(_agility(options, fleet[drone]) for drone in learners),
         gates_to_finish=track.gates_to_finish(laps) if race else 0,
-        collision_distance=_distances(fleet) if race else (usual.collision_distance,),
+        collision_distance=collision_distances(fleet) if race else (usual.collision_distance,),
         observation=observation,
         weights=_weights(options, usual),
         more_terms=more,
@@ -198,12 +198,6 @@ def _agility(options: RaceOptions, vehicle: Vehicle) -> float:
     if not (math.isfinite(agility) and agility > 0):
         raise CruiseError(f"agility must be above 0 and finite, got {agility}")
     return agility
-
-
-def _distances(fleet: tuple[Vehicle, ...]) -> tuple[float, ...]:
-    """At which drones collide in a real race: one for all, or each its own [m]."""
-    each = tuple(vehicle.collision_distance for vehicle in fleet)
-    return each[:1] if len(set(each)) == 1 else each
 
 
 def _drones(options: RaceOptions, everybody_learns: bool) -> int:

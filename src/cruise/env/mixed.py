@@ -44,6 +44,12 @@ def each_of(fleet: Fleet, drones: int) -> tuple[Vehicle, ...]:
     return vehicles
 
 
+def collision_distances(fleet: tuple[Vehicle, ...]) -> tuple[float, ...]:
+    """At which drones collide in a real race: one for all, or each its own [m]."""
+    each = tuple(vehicle.collision_distance for vehicle in fleet)
+    return each[:1] if len(set(each)) == 1 else each
+
+
 def _fault(one: Vehicle, other: Vehicle) -> str | None:
     if one.control_dt != other.control_dt:
         return f"one is told something every {one.control_dt:g} s, the other every {other.control_dt:g} s"

@@ -10,7 +10,7 @@ from typing import Any
 import jax
 
 from cruise.config import EXACT, OUR_SIMULATOR, Firmware, InSimulator, Randomisation, Sensing, Track, Vehicle
-from cruise.env.mixed import Fleet, each_of
+from cruise.env.mixed import Fleet, collision_distances, each_of
 from cruise.env.observation import OBSERVATIONS
 from cruise.env.race_env import RaceEnv, make_race_env
 from cruise.env.randomise import made_for_each, perturbation
@@ -77,10 +77,10 @@ class Match:
         return flown_in([pilot.name for pilot in self.team], [vehicle.name for vehicle in self.vehicles])
 
     @property
-    def collision_distance(self) -> float | list[float]:
+    def collision_distance(self) -> float | tuple[float, ...]:
         """At which two drones collide, or of each drone where they differ [m]."""
-        distances = [vehicle.collision_distance for vehicle in self.vehicles]
-        return distances[0] if len(set(distances)) == 1 else distances
+        distances = collision_distances(self.vehicles)
+        return distances if len(distances) > 1 else distances[0]
 
     def info(self, names: Sequence[str]) -> RaceInfo:
         """What a log says of its race, flown by pilots of such names."""
