@@ -97,7 +97,8 @@ def test_a_start_uses_every_key_once(monkeypatch):
 
 def test_a_rollouts_draws_use_every_key_once(monkeypatch):
     with watched(monkeypatch) as uses:
-        draw(random_env(), jax.random.key(0), 4, 2, vary_field=True, spread=0.5, retry=0.5)
+        opponents = SelfPlayConfig(vary_field=True, learners="all")
+        draw(random_env(), jax.random.key(0), TrainConfig(opponents=opponents, spread_starts=0.5, retry_share=0.5))
     assert uses.faults() == []
 
 
@@ -109,7 +110,7 @@ def test_a_run_uses_every_key_once(monkeypatch):
         key = state.key
         for _ in range(3):
             key, draws, shuffle = jax.random.split(key, 3)
-            draw(trainer.env, draws, 4, 2)
+            draw(trainer.env, draws, trainer.config)
             jax.random.split(shuffle, trainer.config.ppo.epochs)
     for update in range(3):
         uses.made.update(names(evaluation_keys(np.array([3, update], np.uint32))))
@@ -144,9 +145,9 @@ def test_sparring_partners_know_nothing_of_the_learners_noise():
     trainer = Trainer(dataclasses.replace(config, step_scale=0.01), TRACKS["ring"], VEHICLES["paper"])
     state = trainer.start(jax.random.key(0))
     _, draws_key, _ = jax.random.split(state.key, 3)
-    draws = draw(trainer.env, draws_key, config.ppo.races, 4)
+    draws = draw(trainer.env, draws_key, config)
     speed = np.asarray(state.sparring.speed[1])
-    for other in (draws.noise[0, 0], draws.noise[1, 2], draws.start.drones.position_w[2, 0], state.races.step):
+    for other in (draws.noise[0, 0, 0], draws.noise[1, 2, 0], draws.start.drones.position_w[2, 0], state.races.step):
         assert abs(spearmanr(speed, np.asarray(other)).statistic) < 0.45  # 64 races: 3.6 standard deviations
 
 

@@ -18,6 +18,7 @@ Finish = Literal["first", "last"]
 NetworkKind = Literal["mlp", "gru"]
 FirmwareSettings = Literal["matched", "stock"]
 SelfPlayMode = Literal["within", "after", "off"]
+Learners = Literal["one", "all"]
 SensingKind = Literal["exact", "range", "camera"]
 OUR_SIMULATOR = "cruise"  # what moves the drones where no other is named
 
@@ -377,6 +378,7 @@ class SelfPlayConfig:
     """Iterative self-play (Algorithm 1)."""
 
     self_play: SelfPlayMode = "within"  # Self-play in every stage, only after the curriculum, or never.
+    learners: Learners = "one"  # one: it races frozen opponents; all: every drone flies the newest policy and learns.
     evaluate_every: int = 500_000  # Environment steps between evaluations, T_eval.
     win_threshold: float = 0.6  # Win rate at which the policy replaces its opponents, tau.
     patience: int = 2  # Failed evaluations after which it replaces them all the same; 0: never.
@@ -503,3 +505,13 @@ class TrainConfig:
     milder_share: float = 0.0  # Share of randomised training races whose randomisation is scaled by U(0, 1).
     nominal_share: float = 0.0  # Share of training races without randomisation.
     sensing: Sensing = field(default_factory=Sensing)
+
+    @property
+    def learners(self) -> int:
+        """Drones of a race that are learned from: the first ones."""
+        return self.drones if self.opponents.learners == "all" else 1
+
+    @property
+    def steps_per_update(self) -> int:
+        """Environment steps of all learners in one rollout."""
+        return self.ppo.races * self.learners * self.ppo.rollout_steps

@@ -1,6 +1,7 @@
 """Rollouts against the same rollouts flown step by step; restarts, time limits, opponents that stay away."""
 
 import functools
+from dataclasses import replace
 
 import jax
 import jax.numpy as jnp
@@ -42,7 +43,7 @@ def collector():
 
 @functools.cache
 def drawer():
-    return jax.jit(functools.partial(draw, tiny_trainer().env, num_races=RACES, rollout_steps=STEPS))
+    return jax.jit(functools.partial(draw, tiny_trainer().env, config=TINY))
 
 
 @functools.cache
@@ -180,7 +181,8 @@ def test_a_thinned_out_field_has_every_number_of_opponents_as_often():
     out = np.asarray(thin_out(races, jax.random.key(1)).out)
     assert not out[0].any()
     np.testing.assert_allclose(np.bincount(3 - out.sum(axis=0), minlength=4) / 4000, 0.25, atol=0.03)
-    full, varied = (draw(env, jax.random.key(2), 50, 2, vary_field=vary).start for vary in (False, True))
+    opponents = [replace(TINY.opponents, vary_field=vary) for vary in (False, True)]
+    full, varied = (draw(env, jax.random.key(2), replace(TINY, opponents=which)).start for which in opponents)
     assert not np.asarray(full.out).any()
     assert np.asarray(varied.out).any()
     np.testing.assert_array_equal(full.drones.position_w, varied.drones.position_w)

@@ -42,7 +42,7 @@ def _stages(config: TrainConfig) -> list[tuple[int, Stage, bool, bool]]:
 
 def plan_phases(config: TrainConfig) -> tuple[Phase, ...]:
     """The phases of a run in whole updates, never more steps than the budget."""
-    per_update = config.ppo.races * config.ppo.rollout_steps
+    per_update = config.steps_per_update
     phases, steps, start = [], 0.0, 0
     for number, stage, alone, self_play in _stages(config):
         steps += stage.steps * config.step_scale

@@ -1,5 +1,6 @@
 """Collect experience of one active policy against frozen opponents."""
 
+import functools
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -22,7 +23,7 @@ class Draws(NamedTuple):
     """The random numbers of a rollout, drawn beforehand for all races: where they lie does not change them."""
 
     start: RaceState  # [..., N, E]; a race that begins anew in this rollout begins here
-    noise: Float[Array, "T A E"]  # white, of the actions
+    noise: Float[Array, "T A K E"]  # white, of the actions of those who learn
     retry: Bool[Array, "E"]  # a race that crashes goes on from where this rollout began
 
 
@@ -46,13 +47,14 @@ def log_prob(
     return jax.scipy.stats.norm.logpdf(action, mean, std).sum(0)
 
 
-def nearest_opponent(races: RaceState) -> Float[Array, "E"]:
-    """How far from the active drone the nearest opponent in the air is [m]; infinitely where there is none."""
+def nearest_opponent(races: RaceState, drone: int = ACTIVE) -> Float[Array, "E"]:
+    """How far from a drone the nearest opponent in the air is [m]; infinitely where there is none."""
     position, airborne = races.drones.position_w, races.airborne
     nearest = jnp.full(airborne.shape[1:], jnp.inf)
-    for k in range(ACTIVE + 1, airborne.shape[0]):
-        separation = norm(position[:, k] - position[:, ACTIVE])
-        nearest = jnp.minimum(nearest, jnp.where(airborne[k], separation, jnp.inf))
+    for k in range(airborne.shape[0]):
+        if k != drone:
+            separation = norm(position[:, k] - position[:, drone])
+            nearest = jnp.minimum(nearest, jnp.where(airborne[k], separation, jnp.inf))
     return nearest
 
 
@@ -63,6 +65,19 @@ def caution(nearest: Float[Array, "*B"], distance: float, least: float) -> Float
     policy means to do, and what the policy means to do could not be learned from crashes by chance.
     """
     return jnp.clip(nearest / distance, least, 1.0) if distance > 0 else jnp.ones_like(nearest)
+
+
+def of_learners(learners: int, values: Shaped[Array, "*C N E"]) -> Shaped[Array, "*C KE"]:
+    """The rows of those who learn, one behind the other."""
+    return values[..., :learners, :].reshape(*values.shape[:-2], -1)
+
+
+def ends_race(crashed: Bool[Array, "K E"]) -> Bool[Array, "E"]:
+    """Whether a race begins anew: a crash of the active drone ends it; where all learn, one of the first half of them.
+
+    If every crash did, nobody would fly far before all fly well; if only the last did, half of them would lie about.
+    """
+    return crashed[: max(1, len(crashed) // 2)].any(0)
 
 
 def begin_again(races: RaceState, start: RaceState, restart: Bool[Array, "E"]) -> RaceState:
@@ -104,25 +119,23 @@ def _step_metrics(outcome: StepOutcome, races: RaceState) -> dict[str, Shaped[Ar
     }
 
 
-def draw(
-    env: RaceEnv,
-    key: Array,
-    num_races: int,
-    rollout_steps: int,
-    vary_field: bool = False,
-    spread: float = 0.0,
-    retry: float = 0.0,
-) -> Draws:
-    """Starts and noise of one rollout. `spread`: share of the starts all along the track; `retry`: of second tries.
+def spread_of(env: RaceEnv, config: TrainConfig) -> float:
+    """The share of starts all along the track: none where they are before every gate as it is."""
+    return 0.0 if env.track.start is None else config.spread_starts
+
+
+def draw(env: RaceEnv, key: Array, config: TrainConfig) -> Draws:
+    """Starts and noise of one rollout.
 
     One start per race: one that ends twice in a rollout begins at the same place twice, which costs nothing, where a
     fresh start for every race at every step would cost more than everything else together.
     """
     start_key, noise_key, field_key, retry_key = jax.random.split(key, 4)
-    noise = jax.random.normal(noise_key, (rollout_steps, env.dynamics.action_size, num_races))
-    start = env.reset(start_key, (num_races,), spread=spread)
-    again = jax.random.uniform(retry_key, (num_races,)) < retry
-    return Draws(thin_out(start, field_key) if vary_field else start, noise, again)
+    races = config.ppo.races
+    noise = jax.random.normal(noise_key, (config.ppo.rollout_steps, env.dynamics.action_size, config.learners, races))
+    start = env.reset(start_key, (races,), spread=spread_of(env, config))
+    again = jax.random.uniform(retry_key, (races,)) < config.retry_share
+    return Draws(thin_out(start, field_key) if config.opponents.vary_field else start, noise, again)
 
 
 def make_collect(env: RaceEnv, config: TrainConfig) -> Collect:
@@ -131,7 +144,8 @@ def make_collect(env: RaceEnv, config: TrainConfig) -> Collect:
     The time limit is looked at when the rollout ends, where the value after the last step is computed in any case:
     truncation costs nothing and is bootstrapped exactly.
     """
-    ppo, judge = config.ppo, _judge(env, config)
+    ppo, learners, judge = config.ppo, config.learners, _judge(env, config)
+    flat = functools.partial(of_learners, learners)
     spars = env.num_drones > 1 and config.opponents.sparring_share > 0 and config.opponents.self_play != "off"
 
     def collect(state: TrainState, draws: Draws, rules: Rules, alone: Array) -> tuple[TrainState, Experience]:
@@ -148,20 +162,22 @@ def make_collect(env: RaceEnv, config: TrainConfig) -> Collect:
             carries, theirs = emptied((carries, theirs), restart)
             seen = perceive(races)
             observation = env.observe(seen)
-            own, judged = observation[:, ACTIVE], judge(races)
+            own, judged = flat(observation), judge(races)
             carries, mean, value = model.act_and_judge(carries, own, judged)
-            nearest = nearest_opponent(races)
+            nearest = jnp.concatenate([nearest_opponent(races, drone) for drone in range(learners)])
             noise_scale = caution(nearest, ppo.caution_distance, ppo.least_noise)
-            action = mean + std * noise_scale * white
-            everyone = action[:, None]
-            if env.num_drones > 1:
+            action = mean + std * noise_scale * flat(white)
+            everyone = action.reshape(-1, learners, len(restart))
+            if env.num_drones > learners:
                 theirs, others = opponents_fly(opponents, state.league, theirs, observation[:, 1:])
                 everyone = jnp.concatenate([everyone, others], axis=1)
             flown = env.decode(seen, everyone)
+            flying = races.airborne
             if spars:
                 flown = fly_sparring(env, seen, flown, state.sparring, rules.agility)
             races, outcome = env.step(races, flown, rules)
-            terminated = outcome.terminated[ACTIVE]
+            crashed = outcome.terminated[:learners]
+            over = ends_race(crashed)
             density, company = log_prob(mean, model.log_std, action, noise_scale), nearest < ppo.company_distance
             transition = Transitions(
                 observation=own,
@@ -170,27 +186,30 @@ def make_collect(env: RaceEnv, config: TrainConfig) -> Collect:
                 in_company=company,
                 log_prob=density,
                 value=value,
-                reward=outcome.reward[ACTIVE],
-                terminated=terminated,
+                reward=flat(outcome.reward),
+                terminated=flat(outcome.terminated),
                 judged=judged,
                 begins=restart if model.has_memory else None,
             )
-            return (races, terminated, opponents, carries, theirs), (transition, _step_metrics(outcome, races))
+            if learners > 1:
+                own = flying & (state.sparring.speed == 0) if spars else flying
+                transition = transition._replace(counts=flat(own & ~(over & ~crashed)), cut=flat(over & ~crashed))
+            return (races, over, opponents, carries, theirs), (transition, _step_metrics(outcome, races))
 
         carry = (state.races, state.restart, state.opponents, state.carries, state.opponents_carry)
         transitions: Transitions
         measured: dict[str, Array]
         carry, (transitions, measured) = jax.lax.scan(step, carry, draws.noise)
-        races, terminated, opponents, carries, theirs = carry
-        following = begin_again(races, start, terminated)
+        races, over, opponents, carries, theirs = carry
+        following = begin_again(races, start, over)
         last = judge(following)
-        last = env.observe(perceive(following))[:, ACTIVE] if last is None else last
-        _, last_value = model.critic.step(emptied(carries.critic, terminated), last)
-        truncated = ~terminated & (races.step >= config.episode_steps)
+        last = flat(env.observe(perceive(following))) if last is None else last
+        _, last_value = model.critic.step(emptied(carries.critic, over), last)
+        truncated = ~over & (races.step >= config.episode_steps)
         metrics = {name: values.mean() for name, values in measured.items()}
         metrics["truncated"] = truncated.mean() / len(draws.noise)
         before = state.carries if model.has_memory else None
-        state = state._replace(races=races, restart=terminated | truncated, opponents=opponents)
+        state = state._replace(races=races, restart=over | truncated, opponents=opponents)
         state = state._replace(carries=carries, opponents_carry=theirs)
         return state, Experience(transitions, last_value[0], metrics, before)
 
@@ -198,7 +217,7 @@ def make_collect(env: RaceEnv, config: TrainConfig) -> Collect:
 
 
 def _judge(env: RaceEnv, config: TrainConfig) -> Callable[[RaceState], Array | None]:
-    """What the value network sees of the active drone: None where it sees what the policy sees.
+    """What the value network sees of every learner: None where it sees what the policy sees.
 
     An observation of its own is of the true state: sensor errors are for the policy, which must learn to live with
     them, not for who judges it (Pinto et al., Asymmetric Actor Critic, RSS 2018).
@@ -206,4 +225,4 @@ def _judge(env: RaceEnv, config: TrainConfig) -> Callable[[RaceState], Array | N
     if not config.critic_observation:
         return lambda races: None
     observe = env.observe_as[config.critic_observation]
-    return lambda races: observe(races)[:, ACTIVE]
+    return lambda races: of_learners(config.learners, observe(races))

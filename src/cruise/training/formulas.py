@@ -29,12 +29,12 @@ def generalised_advantages(
     return advantage
 
 
-def clipped_surrogate(ratio: Float[Array, "*B"], advantage: Float[Array, "*B"], clip: float) -> Float[Array, ""]:
-    """PPO's clipped objective (Schulman et al., 2017, eq. 7), negative: a loss.
+def clipped_surrogate(ratio: Float[Array, "*B"], advantage: Float[Array, "*B"], clip: float) -> Float[Array, "*B"]:
+    """PPO's clipped objective (Schulman et al., 2017, eq. 7) of every step, negative: its mean is a loss.
 
-    L = - mean of min(r A, clip(r, 1 - epsilon, 1 + epsilon) A), where r is the probability of an action under the new
+    L = - min(r A, clip(r, 1 - epsilon, 1 + epsilon) A), where r is the probability of an action under the new
     policy over that under the old one. The advantage is a constant: no gradient goes through it.
     """
     advantage = jax.lax.stop_gradient(advantage)
     clipped = jnp.clip(ratio, 1.0 - clip, 1.0 + clip)
-    return -jnp.mean(jnp.minimum(ratio * advantage, clipped * advantage))
+    return -jnp.minimum(ratio * advantage, clipped * advantage)

@@ -58,16 +58,22 @@ def _moments_among(advantage: Float[Array, "T E"], group: Bool[Array, "T E"], ov
 
 
 def _moments_of_groups(batch: Batch, config: PPOConfig, over: int) -> tuple[Array, ...]:
-    """Of all advantages; where company counts, of those without and of those with."""
+    """Of all advantages that count; where company does, of those without and of those with."""
+    counts = None if batch.weight is None else batch.weight > 0
     if config.company_distance == 0:
-        return (_moments(batch.advantage, over),)
+        return (_moments(batch.advantage, over) if counts is None else _moments_among(batch.advantage, counts, over),)
     groups = ~batch.in_company, batch.in_company
-    return tuple(_moments_among(batch.advantage, group, over) for group in groups)
+    return tuple(_moments_among(batch.advantage, group if counts is None else group & counts, over) for group in groups)
 
 
 def _deviation(moments: Float[Array, "2"]) -> Float[Array, ""]:
     mean, square = moments
     return jnp.sqrt(jnp.maximum(square - mean**2, 0.0))
+
+
+def _of_group(moments: Float[Array, "3"]) -> Float[Array, "2"]:
+    """Mean and mean square of a group by themselves."""
+    return moments[:2] / jnp.maximum(moments[2], 1e-8)
 
 
 def _standardised(
@@ -84,7 +90,8 @@ def _with_standard_advantages(picked: Batch, moments: list[Array]) -> Batch:
     opponent one crash outweighs whatever a better line is worth, and standardised by it lines are hardly learned.
     """
     if len(moments) == 1:
-        return picked._replace(advantage=_standardised(picked.advantage, moments[0]))
+        whole = moments[0] if picked.weight is None else _of_group(moments[0])
+        return picked._replace(advantage=_standardised(picked.advantage, whole))
     least = LEAST_DEVIATION * _deviation(moments[0][:2] + moments[1][:2])
-    alone, company = (_standardised(picked.advantage, m[:2] / jnp.maximum(m[2], 1e-8), least) for m in moments)
+    alone, company = (_standardised(picked.advantage, _of_group(m), least) for m in moments)
     return picked._replace(advantage=jnp.where(picked.in_company, company, alone))

@@ -1,5 +1,6 @@
 """Proximal policy optimisation: minibatches, losses and steps of the optimiser."""
 
+import functools
 from collections.abc import Callable
 
 import equinox as eqx
@@ -77,16 +78,21 @@ def advantages(experience: Experience, config: PPOConfig) -> Float[Array, "T E"]
     time limit falls on the last step of a rollout, after which `last_value` is the value of the final observation.
     """
     transitions = experience.transitions
-    going_on = 1.0 - transitions.terminated
+    going_on, reward = 1.0 - transitions.terminated, transitions.reward
     future = going_on if config.after_crash == "nothing" else jnp.ones_like(going_on)
+    if transitions.cut is not None:  # the step before it is followed by its value, and from itself nothing is learned
+        going_on, future = (jnp.where(transitions.cut, 0.0, share) for share in (going_on, future))
+        reward = jnp.where(transitions.cut, transitions.value, reward)
     values = jnp.concatenate([transitions.value, experience.last_value[None]])
-    return generalised_advantages(transitions.reward, config.gamma * future, config.gae_lambda * going_on, values)
+    return generalised_advantages(reward, config.gamma * future, config.gae_lambda * going_on, values)
 
 
-def make_batch(experience: Experience, config: PPOConfig) -> Batch:
+def make_batch(experience: Experience, config: PPOConfig, axis: str | None = None) -> Batch:
     """Add advantages and value targets to the transitions."""
     advantage = advantages(experience, config)
     t = experience.transitions
+    counts = None if t.counts is None else t.counts.astype(jnp.float32)
+    weight = None if counts is None else counts / (mean_over_devices(counts.mean(), axis) + 1e-8)
     return Batch(
         observation=t.observation,
         action=t.action,
@@ -98,6 +104,7 @@ def make_batch(experience: Experience, config: PPOConfig) -> Batch:
         judged=t.judged,
         begins=t.begins,
         carries=experience.carries,
+        weight=weight,
     )
 
 
@@ -124,8 +131,9 @@ def ppo_loss(
     action = batch.action if batch.begins is None else jnp.moveaxis(batch.action, 0, 1)
     new_log_prob = log_prob(mean, model.log_std, action, batch.noise_scale)
     log_ratio = new_log_prob - batch.log_prob
-    policy_loss = clipped_surrogate(jnp.exp(log_ratio), batch.advantage, config.clip_ratio)
-    value_loss = optax.l2_loss(value, batch.value_target).mean()
+    mean_of = functools.partial(_weighted_mean, weight=batch.weight)
+    policy_loss = mean_of(clipped_surrogate(jnp.exp(log_ratio), batch.advantage, config.clip_ratio))
+    value_loss = mean_of(optax.l2_loss(value, batch.value_target))
     value_scale = spread if config.value_loss == "relative" else 1.0
     entropy = (model.log_std + 0.5 * jnp.log(2 * jnp.pi * jnp.e)).sum()
     loss = policy_loss + config.value_weight * 2 * value_loss / value_scale - entropy_weight * entropy
@@ -133,16 +141,23 @@ def ppo_loss(
         "loss/policy": policy_loss,
         "loss/value": value_loss,
         "value/explained": 1.0 - 2 * value_loss / spread,
-        "policy/clipped": jnp.mean(jnp.abs(jnp.expm1(log_ratio)) > config.clip_ratio),
+        "policy/clipped": mean_of(jnp.abs(jnp.expm1(log_ratio)) > config.clip_ratio),
         "policy/entropy": entropy,
-        "policy/kl": jnp.mean(jnp.expm1(log_ratio) - log_ratio),
+        "policy/kl": mean_of(jnp.expm1(log_ratio) - log_ratio),
     }
     return loss, metrics
 
 
-def _variance(values: Array, axis: str | None) -> Float[Array, ""]:
-    """Of the numbers on all devices of the mesh axis."""
-    mean, square = mean_over_devices((values.mean(), (values * values).mean()), axis)
+def _weighted_mean(values: Array, weight: Array | None) -> Float[Array, ""]:
+    """`weight` has a mean of 1 over the whole rollout."""
+    return values.mean() if weight is None else (weight * values).mean()
+
+
+def _variance(batch: Batch, axis: str | None) -> Float[Array, ""]:
+    """Of the value targets on all devices of the mesh axis."""
+    values = batch.value_target
+    moments = _weighted_mean(values, batch.weight), _weighted_mean(values * values, batch.weight)
+    mean, square = mean_over_devices(moments, axis)
     return jnp.maximum(square - mean * mean, 0.0)
 
 
@@ -168,11 +183,11 @@ def make_learn(
     widest = optax.linear_schedule(config.max_log_std, config.final_max_log_std, total_updates)
 
     def learn(state: TrainState, experience: Experience, shuffle_key: Array) -> tuple[TrainState, dict[str, Array]]:
-        batch = make_batch(experience, config)
+        batch = make_batch(experience, config, axis)
         minibatch_of, units = make_minibatches(batch, config, axis)
         entropy_weight = exploration(state.updates)
         parameters, unflatten = ravel_pytree(state.model)
-        spread = _variance(batch.value_target, axis)
+        spread = _variance(batch, axis)
         most = _ceiling(state.model, widest(state.updates))
 
         def loss(parameters: Array, minibatch: Batch) -> tuple[Array, dict[str, Array]]:

@@ -27,7 +27,7 @@ from cruise.training.devices import (
     shardings,
     state_specs,
 )
-from cruise.training.experience import Draws, draw, hide_opponents, make_collect
+from cruise.training.experience import Draws, draw, hide_opponents, make_collect, spread_of
 from cruise.training.league import SHARES, after_evaluation, found_league, join
 from cruise.training.ppo import flatten, make_learn, make_optimiser
 from cruise.training.random_keys import evaluation_keys, run_keys
@@ -66,7 +66,7 @@ class Trainer:
         self.config = config
         self.phases = plan_phases(config)
         self.total_updates = self.phases[-1].last_update
-        self.steps_per_update = config.ppo.races * config.ppo.rollout_steps
+        self.steps_per_update = config.steps_per_update
         self.total_steps = self.total_updates * self.steps_per_update
         vehicle = made_for(vehicle, config.randomisation)
         shares = config.milder_share, config.nominal_share
@@ -101,15 +101,7 @@ class Trainer:
             state, metrics = learn(state, experience, key)
             return state, mean_over_devices(experience.metrics | metrics, AXIS)
 
-        draw_all = functools.partial(
-            draw,
-            env,
-            num_races=ppo.races,
-            rollout_steps=ppo.rollout_steps,
-            vary_field=self.config.opponents.vary_field,
-            spread=self._spread,
-            retry=self.config.retry_share,
-        )
+        draw_all = functools.partial(draw, env, config=self.config)
         draw_specs = over_races(jax.eval_shape(draw_all, jax.random.key(0)))
         specs, everywhere = state_specs(self.state_shape()), PartitionSpec()
         on_devices = jax.shard_map(
@@ -128,11 +120,6 @@ class Trainer:
             return state, metrics
 
         return update
-
-    @property
-    def _spread(self) -> float:
-        """The share of starts all along the track: none where they are before every gate as it is."""
-        return 0.0 if self.env.track.start is None else self.config.spread_starts
 
     def _make_evaluate(self) -> Callable[..., Score]:
         evaluate = make_evaluate(self.env, self.config.opponents)
@@ -154,7 +141,7 @@ class Trainer:
         """A fresh state: opponents equal to the active policy, episodes of random ages, which never end together."""
         model_key, race_key, age_key, key, sparring_key = run_keys(key)
         ppo, env = self.config.ppo, self.env
-        races = env.reset(race_key, (ppo.races,), spread=self._spread)
+        races = env.reset(race_key, (ppo.races,), spread=spread_of(env, self.config))
         model = ActorCritic(self._network_shape(races), ppo.initial_log_std, model_key)
         races = hide_opponents(races, jnp.asarray(self.phases[0].alone))
         races = races._replace(step=jax.random.randint(age_key, (ppo.races,), 0, self.config.episode_steps))

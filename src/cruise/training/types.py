@@ -65,7 +65,7 @@ class TrainState(NamedTuple):
 
 
 class Transitions(NamedTuple):
-    """What the active drone lived through in a rollout."""
+    """What the drones that learn lived through in a rollout; E counts them all, drones first, then races."""
 
     observation: Float[Array, "T O E"]
     action: Float[Array, "T A E"]
@@ -77,6 +77,8 @@ class Transitions(NamedTuple):
     terminated: Bool[Array, "T E"]
     judged: Float[Array, "T C E"] | None = None  # what the value network saw; None: the same as the policy
     begins: Bool[Array, "T E"] | None = None  # a race began in this step; None: no network remembers anything
+    counts: Bool[Array, "T E"] | None = None  # it was flown, and something is learned from it; None: all are
+    cut: Bool[Array, "T E"] | None = None  # the race ended with it, but not for this drone; None: never
 
 
 class Batch(NamedTuple):
@@ -92,3 +94,4 @@ class Batch(NamedTuple):
     judged: Float[Array, "T C E"] | None = None  # what the value network saw; None: the same as the policy
     begins: Bool[Array, "T E"] | None = None  # a race began in this step; None: no network remembers anything
     carries: Carries | None = None  # what the networks remembered before the first step [H E]
+    weight: Float[Array, "T E"] | None = None  # 0 where there is nothing to learn, with a mean of 1; None: all 1

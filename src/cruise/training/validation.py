@@ -63,7 +63,7 @@ def _faults(config: TrainConfig) -> Iterator[str]:
         yield "against names who flies the opponents, and one drone has none: raise drones"
     phase = plan_phases(config)[-1]
     if phase.last_update < 1:
-        per_update = config.ppo.races * config.ppo.rollout_steps
+        per_update = config.steps_per_update
         yield f"the budget is smaller than one update of {per_update:,} steps: raise step_scale, or lower races"
 
 
