@@ -59,6 +59,8 @@ def _faults(config: TrainConfig) -> Iterator[str]:
     find_reward_terms(config.reward_terms)
     if config.critic_observation:
         find_observation(config.critic_observation)
+    if config.learners > 1:
+        yield from _shared_faults(config)
     if config.against and config.drones == 1:
         yield "against names who flies the opponents, and one drone has none: raise drones"
     phase = plan_phases(config)[-1]
@@ -96,6 +98,16 @@ def _recurrent_faults(ppo: PPOConfig) -> Iterator[str]:
         yield f"races ({ppo.races}) must be a multiple of minibatches ({ppo.minibatches}): they are of whole races"
     if not 1 <= ppo.memory_size <= MAX_WIDTH:
         yield f"memory_size must be from 1 to {MAX_WIDTH}, not {ppo.memory_size}"
+
+
+def _shared_faults(config: TrainConfig) -> Iterator[str]:
+    """Of races in which every drone learns."""
+    others = {"against": bool(config.against), "league": bool(config.opponents.league)}
+    for name, given in others.items():
+        if given:
+            yield f"learners 'all' leaves {name} no drone to fly: leave out {name}, or let one learn"
+    if config.ppo.network == "gru":
+        yield "learners 'all' needs a policy without memory: network 'mlp'"
 
 
 def _opponent_faults(opponents: SelfPlayConfig) -> Iterator[str]:
