@@ -11,7 +11,7 @@ from cruise.dynamics.types import Dynamics
 from cruise.env.observation_body import BODY, BODY_FAR, BODY_NEAR, BODY_PLACED
 from cruise.env.observation_extended import EXTENDED
 from cruise.env.observation_paper import PAPER
-from cruise.env.observation_racing import RACING, RACING_FAR
+from cruise.env.observation_racing import RACING, RACING_NEAR, RACING_FAR
 from cruise.env.types import RaceState
 from cruise.env.view import View, out_of_gate_frame
 from cruise.errors import CruiseError
@@ -19,7 +19,7 @@ from cruise.presets import VEHICLES
 from cruise.racing.course import Course
 from cruise.terms import Entry, Observation, Setting, Term, difference
 
-OWN = (EXTENDED, PAPER, BODY, BODY_NEAR, BODY_PLACED, BODY_FAR, RACING, RACING_FAR)
+OWN = (EXTENDED, PAPER, BODY, BODY_NEAR, BODY_PLACED, BODY_FAR, RACING, RACING_NEAR, RACING_FAR)
 OBSERVATIONS = {one.name: one for one in OWN}  # and those that users add
 
 

@@ -65,21 +65,22 @@ def _felt(felt: Term) -> Term:
 
 
 def _opponent(place: int, notice: float) -> tuple[Term, ...]:
-    fading = f"; all of it fades from whole at {notice / 2:g} m to nothing at {notice:g} m"
-    offset = "position minus own, the nearest first" + (fading if math.isfinite(notice) else "")
+    fades = f"; all of it fades from whole at {notice / 2:g} m to nothing at {notice:g} m"
+    offset = "position minus own, the nearest first" + (fades if math.isfinite(notice) else "")
     name = f"opponent_{place}"
     terms = (
         _term(f"{name}_offset", 3, offset, "m", OPPONENT_RANGE, fn=functools.partial(_offset, place)),
         _term(f"{name}_motion", 3, "velocity minus own", "m/s", OUTDOORS.speed, fn=functools.partial(_motion, place)),
         _term(f"{name}_present", 1, PRESENT, low=0.0, fn=functools.partial(_present, place)),
     )
-    return terms if math.isinf(notice) else tuple(_fading(term, place, notice) for term in terms)
+    return terms if math.isinf(notice) else tuple(fading(term, place, notice) for term in terms)
 
 
 PRESENT = "1; 0, as all of it, where there is none"
 
 
-def _fading(term: Term, place: int, notice: float) -> Term:
+def fading(term: Term, place: int, notice: float) -> Term:
+    """The term of an opponent, less and less from half the distance `notice` on, nothing beyond it."""
     return dataclasses.replace(term, fn=lambda view: noticed(view.nearest(place).separation, notice) * term.fn(view))
 
 

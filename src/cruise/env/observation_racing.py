@@ -8,11 +8,12 @@ depend on the number of drones. Clipped to [-3, 3].
 """
 
 import functools
+import math
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from cruise.env.observation_body import GATES_AHEAD, GATES_FAR_AHEAD, NEAREST, body_terms
+from cruise.env.observation_body import GATES_AHEAD, GATES_FAR_AHEAD, NEAREST, body_terms, fading
 from cruise.env.view import LAST, View
 from cruise.terms import Observation, Setting, Term
 from cruise.vector import dot, norm
@@ -21,10 +22,10 @@ PLACE_RANGE, GATE_SPEED, CLOSING = 4.0, 8.0, 5.0  # scales [m, m/s, m/s]
 NEAR_GATE, NEAR_DRONE = 0.5, 0.3  # added to distances before they are inverted [m]
 
 
-def racing_terms(setting: Setting, gates: int = GATES_AHEAD) -> tuple[Term, ...]:
+def racing_terms(setting: Setting, gates: int = GATES_AHEAD, notice: float = math.inf) -> tuple[Term, ...]:
     """In the order of the vector: `body`, gates ahead, the gate passed last, opponents."""
     return (
-        *body_terms(setting, gates=gates),
+        *body_terms(setting, gates=gates, notice=notice),
         *(term for ahead in range(gates) for term in _gate(ahead)),
         *(_edges(f"gate_{ahead + 1}", ahead) for ahead in range(gates)),
         Term("motion_at_gate", 3, "own velocity", "m/s", GATE_SPEED, frame="gate", fn=_motion_at_gate),
@@ -34,7 +35,7 @@ def racing_terms(setting: Setting, gates: int = GATES_AHEAD) -> tuple[Term, ...]
         _place("last_gate", LAST),
         _normal("last_gate", LAST),
         _edges("last_gate", LAST),
-        *(term for place in range(1, NEAREST + 1) for term in _opponent(place)),
+        *(term for place in range(1, NEAREST + 1) for term in _opponent(place, notice)),
     )
 
 
@@ -68,14 +69,15 @@ def _which(ahead: int) -> str:
     return "the gate passed last" if ahead == LAST else "this gate"
 
 
-def _opponent(place: int) -> tuple[Term, ...]:
+def _opponent(place: int, notice: float) -> tuple[Term, ...]:
     name, near = f"opponent_{place}", "1 / (0.3 m + its distance); 0 where there is none"
     where, closing, nearness = (functools.partial(fn, place) for fn in (_its_place, _its_opening, _its_nearness))
-    return (
+    terms = (
         Term(f"{name}_place", 3, "its position, as `gate_1_place`", "m", PLACE_RANGE, frame="gate", fn=where),
         Term(f"{name}_opening", 1, "how fast its distance grows", "m/s", CLOSING, frame="body", fn=closing),
         Term(f"{name}_nearness", 1, near, "1/m", frame="body", low=0.0, fn=nearness),
     )
+    return terms if math.isinf(notice) else tuple(fading(term, place, notice) for term in terms)
 
 
 def _direction(ahead: int, view: View) -> Float[Array, "3 N *B"]:
@@ -122,17 +124,20 @@ def _its_nearness(place: int, view: View) -> Float[Array, "N *B"]:
     return jnp.where(one.present, 1 / (NEAR_DRONE + one.separation), 0.0)
 
 
-RACING, RACING_FAR = (
-    Observation(name, functools.partial(racing_terms, gates=gates), about=about)
-    for name, gates, about in (
+RACING, RACING_NEAR, RACING_FAR = (
+    Observation(name, functools.partial(racing_terms, gates=gates, notice=notice), about=about)
+    for name, gates, notice, about in (
         (
             "racing",
             GATES_AHEAD,
+            math.inf,
             "As `body`, and where drone and opponents are as the gates see them: for any track and field.",
         ),
+        ("racing-near", GATES_AHEAD, 6.0, "As `racing`, but who is far away is not seen."),
         (
             "racing-far",
             GATES_FAR_AHEAD,
+            math.inf,
             "As `racing`, with four gates ahead: for value networks, which judge what comes later.",
         ),
     )
