@@ -11,7 +11,7 @@ from cruise.dynamics.types import Dynamics
 from cruise.env.observation_body import BODY, BODY_FAR, BODY_NEAR, BODY_PLACED
 from cruise.env.observation_extended import EXTENDED
 from cruise.env.observation_paper import PAPER
-from cruise.env.observation_racing import RACING, RACING_NEAR, RACING_FAR
+from cruise.env.observation_racing import RACING, RACING_FAR, RACING_NEAR
 from cruise.env.types import RaceState
 from cruise.env.view import View, out_of_gate_frame
 from cruise.errors import CruiseError

@@ -172,7 +172,7 @@ def make_collect(env: RaceEnv, config: TrainConfig) -> Collect:
                 theirs, others = opponents_fly(opponents, state.league, theirs, observation[:, 1:])
                 everyone = jnp.concatenate([everyone, others], axis=1)
             flown = env.decode(seen, everyone)
-            flying = races.airborne
+            flies_itself = races.airborne & (state.sparring.speed == 0)
             if spars:
                 flown = fly_sparring(env, seen, flown, state.sparring, rules.agility)
             races, outcome = env.step(races, flown, rules)
@@ -192,15 +192,13 @@ def make_collect(env: RaceEnv, config: TrainConfig) -> Collect:
                 begins=restart if model.has_memory else None,
             )
             if learners > 1:
-                own = flying & (state.sparring.speed == 0) if spars else flying
-                transition = transition._replace(counts=flat(own & ~(over & ~crashed)), cut=flat(over & ~crashed))
+                cut = over & ~crashed
+                transition = transition._replace(counts=flat(flies_itself & ~cut), cut=flat(cut))
             return (races, over, opponents, carries, theirs), (transition, _step_metrics(outcome, races))
 
-        carry = (state.races, state.restart, state.opponents, state.carries, state.opponents_carry)
-        transitions: Transitions
-        measured: dict[str, Array]
-        carry, (transitions, measured) = jax.lax.scan(step, carry, draws.noise)
-        races, over, opponents, carries, theirs = carry
+        begun = (state.races, state.restart, state.opponents, state.carries, state.opponents_carry)
+        ended, (transitions, measured) = jax.lax.scan(step, begun, draws.noise)
+        races, over, opponents, carries, theirs = ended
         following = begin_again(races, start, over)
         last = judge(following)
         last = flat(env.observe(perceive(following))) if last is None else last
@@ -209,8 +207,9 @@ def make_collect(env: RaceEnv, config: TrainConfig) -> Collect:
         metrics = {name: values.mean() for name, values in measured.items()}
         metrics["truncated"] = truncated.mean() / len(draws.noise)
         before = state.carries if model.has_memory else None
-        state = state._replace(races=races, restart=over | truncated, opponents=opponents)
-        state = state._replace(carries=carries, opponents_carry=theirs)
+        state = state._replace(
+            races=races, restart=over | truncated, opponents=opponents, carries=carries, opponents_carry=theirs
+        )
         return state, Experience(transitions, last_value[0], metrics, before)
 
     return collect
