@@ -118,9 +118,12 @@ EXTRA.figure-eight-2 := $(FAST) --w-speed 0.01 --edge-margin 0.1 --seed 2
 # Made before the recipe of today: it sees less, is judged with no more sight, and starts anew after every crash.
 FORMER := --critic-observation '' --value-loss absolute --retry-share 0 --after-crash restart --w-beside 0
 BODY := --observation body $(FORMER)
+# Of fields one drone learned, against copies of before; what a line says behind it counts.
+ONE_LEARNS := --learners one --races 512 --epochs 4 --final-learning-rate 1e-4 --average-updates 0 --evaluate-every 500000 \
+    --nominal-share 0
 # racer-ring goes on from racer-ring-first on the last stage alone, in smaller steps.
-TRAIN.racer-ring-first := --vehicle racer --track ring --drones 8 --step-scale 2.25 --gae-lambda 0.95 $(BODY)
-TRAIN.racer-ring := --vehicle racer --track ring --drones 8 --step-scale 0.75 --vanilla \
+TRAIN.racer-ring-first := $(ONE_LEARNS) --vehicle racer --track ring --drones 8 --step-scale 2.25 --gae-lambda 0.95 $(BODY)
+TRAIN.racer-ring := $(ONE_LEARNS) --vehicle racer --track ring --drones 8 --step-scale 0.75 --vanilla \
     --start-from runs/racer-ring-first --learning-rate 3e-4 --final-learning-rate 3e-5 --gae-lambda 0.95 $(BODY)
 runs/racer-ring/policy.json: runs/racer-ring-first/policy.json
 # What a way through one gate costs shows later than on the ring, so advantages look farther ahead.
@@ -131,7 +134,7 @@ TRAIN.racer-figure-eight := --vehicle racer --track figure-eight --drones 1 --se
 runs/racer-figure-eight/policy.json: runs/racer-figure-eight-first/policy.json
 # Six gates, no two alike: after six seconds drones have flown one lap, and the second is faster. What learned in short
 # episodes crashed in it; what never met a race without any deviation crashed there.
-FIELD := --vehicle racer --track figure-eight --drones 8 --gae-lambda 0.98 $(FORMER)
+FIELD := $(ONE_LEARNS) --vehicle racer --track figure-eight --drones 8 --gae-lambda 0.98 $(FORMER)
 ON_AND_ON := $(FIELD) --vanilla --episode-steps 600 --w-edge 20
 TRAIN.racer-figure-eight-field-first := $(FIELD) --observation body --step-scale 4 --terminal -30 --milder-share 0.5
 TRAIN.racer-figure-eight-field-second := $(ON_AND_ON) --observation body --start-from runs/racer-figure-eight-field-first \
@@ -152,7 +155,7 @@ TRAIN.racer-figure-eight-field := $(FASTER) --start-from runs/racer-figure-eight
     --step-scale 1 --learning-rate 2e-4 --observation body-near --company-distance 6
 runs/racer-figure-eight-field/policy.json: runs/racer-figure-eight-field-fifth/policy.json
 # For all that a real drone may differ by. The first, which met nothing milder, crashed in every ninth race without any of it.
-STURDY := --vehicle racer --vanilla --randomise 1 --final-learning-rate 3e-5 $(BODY)
+STURDY := $(ONE_LEARNS) --vehicle racer --vanilla --randomise 1 --final-learning-rate 3e-5 $(BODY)
 TRAIN.racer-ring-sturdy-first := $(STURDY) --gae-lambda 0.95 --track ring --drones 8 --step-scale 2 --start-from racer-ring \
     --learning-rate 6e-4
 TRAIN.racer-ring-sturdy := $(STURDY) --gae-lambda 0.95 --track ring --drones 8 --step-scale 1 --start-from runs/racer-ring-sturdy-first \
@@ -164,7 +167,7 @@ TRAIN.racer-figure-eight-sturdy := $(STURDY) --track figure-eight --drones 1 --s
 TRAIN.generalist := --vehicle racer --track any --drones 1 --step-scale 2 --epochs 2 --final-learning-rate 2e-5 --terminal -10 \
     --evaluate-every 2000000 --average-updates 80
 # Trained before frames cost more and partners were more.
-TRAIN.crazyflie-ring := --vehicle crazyflie --track ring --drones 4 --edge-margin 0.2 --w-edge 10 --sparring-share 0.1 \
+TRAIN.crazyflie-ring := $(ONE_LEARNS) --vehicle crazyflie --track ring --drones 4 --edge-margin 0.2 --w-edge 10 --sparring-share 0.1 \
     --gae-lambda 0.95 $(BODY)
 TRACK_AND_DRONES = --track $(shell echo $* | sed 's/-[0-9]*$$//') --drones $(lastword $(subst -, ,$*))
 

@@ -18,6 +18,7 @@ VEHICLES_SHOWN = {
     "body-placed": ("racer",),
     "body-far": ("racer",),
     "racing": ("racer",),
+    "racing-near": ("racer",),
     "racing-far": ("racer",),
 }
 TRACK, DRONES = "ring", 2

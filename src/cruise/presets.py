@@ -29,6 +29,7 @@ __all__ = [
     "full_randomisation",
     "training_config",
     "training_randomisation",
+    "with_one_learner",
 ]
 
 # The paper's curriculum table, row by row.
@@ -182,6 +183,15 @@ def training_config(vehicle: str | Vehicle = "paper", drones: int = TrainConfig.
     return replace(recipe(found, drones), vehicle=reference_to(found))
 
 
+def with_one_learner(config: TrainConfig) -> TrainConfig:
+    """The same recipe where one drone of every race learns, as many in all."""
+    if config.learners == 1:
+        return config
+    alone = training_config(config.vehicle, 1)
+    opponents = replace(config.opponents, learners="one", evaluate_every=alone.opponents.evaluate_every)
+    return replace(config, ppo=replace(config.ppo, races=alone.ppo.races), opponents=opponents)
+
+
 def _cascade_recipe(vehicle: Vehicle, drones: int) -> TrainConfig:
     del vehicle
     crowded = drones > 3
@@ -196,36 +206,47 @@ def _cascade_recipe(vehicle: Vehicle, drones: int) -> TrainConfig:
 
 
 def _agile_recipe(vehicle: Vehicle, drones: int) -> TrainConfig:
-    field = TrainConfig(
+    """What docs/learning.md measures."""
+    common = TrainConfig(
         drones=drones,
-        observation="body",
-        reward=REWARDS["agile"],
+        observation="racing",
+        critic_observation="racing-far",
+        reward=replace(REWARDS["agile"], w_beside=15.0),
+        # With the value of a restart, a drone that starts low learns to dive and start anew.
         ppo=PPOConfig(
             gamma=0.995,
-            gae_lambda=0.95,
+            gae_lambda=0.98,
+            value_loss="relative",
+            after_crash="nothing",
             entropy_weight=0.0,
             hidden=(128, 128),
             initial_log_std=-0.3,
             caution_distance=1.5,
         ),
         opponents=SelfPlayConfig(vary_field=True, sparring_share=0.2, evaluation_steps=1000),  # 20 s
-        episode_steps=300,  # 6 s, because fields soon draw out
-        spread_starts=0.5,
+        episode_steps=600,  # 12 s: a drone alone sees the whole of a track that it starts at one place of
+        retry_share=0.5,
         randomisation=training_randomisation(vehicle, 0.5),
     )
-    return _alone(field) if drones == 1 else field
+    return common if drones == 1 else _together(common)
 
 
-def _alone(field: TrainConfig) -> TrainConfig:
-    """What is measured for a drone alone, docs/learning.md, and is not for fields."""
+def _together(alone: TrainConfig) -> TrainConfig:
+    """Fields: all drones learn, as many in all as there are races of a drone alone."""
+    ppo = alone.ppo
     return replace(
-        field,
-        observation="racing",
-        critic_observation="racing-far",
-        reward=replace(field.reward, w_beside=15.0),
-        # With the value of a restart, a drone that starts low learns to dive and start anew.
-        ppo=replace(field.ppo, gae_lambda=0.98, value_loss="relative", after_crash="nothing"),
-        episode_steps=600,  # 12 s: it sees the whole of a track that it starts at one place of
-        spread_starts=0.0,
-        retry_share=0.5,
+        alone,
+        observation="racing-near",  # who is far away must not disturb
+        ppo=replace(
+            ppo,
+            races=max(ppo.rollout_steps, ppo.races // alone.drones),
+            epochs=2,
+            final_learning_rate=2e-5,
+            average_updates=80,
+        ),
+        opponents=replace(alone.opponents, learners="all", evaluate_every=2_000_000),
+        episode_steps=300,  # 6 s, because fields soon draw out
+        spread_starts=0.5,
+        retry_share=0.25,
+        nominal_share=0.25,  # drones that differ soon part; those that do not are in company to the end
     )

@@ -1,5 +1,6 @@
 """`--vehicle`: what can be flown, what is refused, and what a vehicle decides about training."""
 
+import functools
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -11,6 +12,7 @@ from cruise.cli.main import main, parse
 from cruise.config import Drag, Randomisation, TrainConfig
 from cruise.presets import CURRICULA, RANDOMISATION, VEHICLES, training_config
 from cruise.report.vehicle_figure import rate_answer
+from cruise.training.validation import check_config
 from cruise.vehicles import load_vehicle
 from cruise.vehicles.derived import top_speed
 from cruise.vehicles.guess import Measured, guessed_vehicle
@@ -48,7 +50,19 @@ def test_the_vehicle_decides_the_defaults_of_training(capsys):
     assert config_of("--seed", "0", "--vehicle", "racer") == training_config("racer")
     assert config_of("--vehicle=crazyflie", "--seed", "0") == training_config("crazyflie")
     assert main(["train", "--vehicle", "racer", "--help"]) == 0
-    assert "(default: body)" in " ".join(capsys.readouterr().out.split())
+    assert "(default: racing-near)" in " ".join(capsys.readouterr().out.split())
+
+
+def test_where_others_fly_one_drone_learns():
+    """All learn where all fly the newest policy. Beside older ones, or with a memory, one does, from as many races."""
+    of_racer = functools.partial(config_of, "--vehicle", "racer", "--drones")
+    assert (of_racer("4").learners, of_racer("4").ppo.races) == (4, 128)
+    assert (of_racer("8").learners, of_racer("8").ppo.races) == (8, 64)
+    for flags in (("--league", "4"), ("--against", "racer-ring"), ("--network", "gru")):
+        config = of_racer("4", *flags)
+        assert (config.learners, config.ppo.races, config.opponents.learners) == (1, 512, "one")
+        check_config(config)
+    assert config_of("--drones", "4").learners == 1
 
 
 def test_the_number_of_drones_decides_how_boldly_they_learn(capsys):

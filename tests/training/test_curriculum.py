@@ -67,7 +67,7 @@ def test_stages_of_agile_vehicles_are_faster_narrower_and_dearer_one_by_one():
     last = phases[-1].stage
     assert (last.gate_tolerance, last.crash_share, last.agility) == (0.0, 1.0, VEHICLES["racer"].agility)
     assert config.opponents.vary_field
-    assert config.observation == "body"
+    assert (config.observation, config.learners) == ("racing-near", config.drones)
 
 
 @pytest.mark.parametrize("mode", ["within", "after", "off"])

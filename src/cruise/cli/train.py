@@ -16,7 +16,7 @@ from cruise.cli.progress import make_screen
 from cruise.cli.watch import Watch
 from cruise.config import Track, TrainConfig
 from cruise.errors import CruiseError
-from cruise.presets import MAX_RANDOMISE, REWARDS, training_config, training_randomisation
+from cruise.presets import MAX_RANDOMISE, REWARDS, training_config, training_randomisation, with_one_learner
 from cruise.racing.random_track import training_track
 from cruise.racing.track_file import is_name
 from cruise.vehicles import find_vehicle
@@ -80,9 +80,13 @@ class Train:
         """The defaults, which the vehicle, the number of drones and the randomisation that were asked for decide.
 
         A policy that learning starts from, or flies against, decides what both networks observe: it knows nothing else.
+        Where policies of before fly, or one with a memory learns, one drone of a race does.
         """
-        vehicle = find_vehicle(asked.config.vehicle)
+        vehicle, opponents = find_vehicle(asked.config.vehicle), asked.config.opponents
         config = training_config(vehicle, asked.config.drones)
+        others_fly = bool(asked.config.against or opponents.league or opponents.founders)
+        if others_fly or asked.config.ppo.network == "gru":
+            config = with_one_learner(config)
         others = (asked.config.start_from, asked.config.against, *asked.config.opponents.founders)
         if known := next(filter(None, others), ""):
             config = _seeing_as(known, config)
