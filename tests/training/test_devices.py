@@ -1,10 +1,14 @@
 """The same training on one device and on several."""
 
+import functools
+from dataclasses import replace
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from cruise.config import TrainConfig
 from cruise.errors import CruiseError
 from cruise.presets import TRACKS, VEHICLES
 from cruise.training import devices
@@ -28,11 +32,19 @@ def after_updates(trainer: Trainer) -> tuple[TrainState, dict[str, float]]:
     return state, {name: float(value) for name, value in metrics.items()}
 
 
-@pytest.mark.parametrize("count", [2, 4])
-def test_several_devices_train_as_one_does(count):
+ALL_LEARN = replace(TINY, drones=3, opponents=replace(TINY.opponents, learners="all", vary_field=True))
+
+
+@functools.cache
+def on_devices(config: TrainConfig, count: int) -> tuple[TrainState, dict[str, float]]:
+    trainer = tiny_trainer() if (config, count) == (TINY, 1) else None
+    return after_updates(trainer or Trainer(config, TRACKS["ring"], VEHICLES["paper"], jax.devices()[:count]))
+
+
+@pytest.mark.parametrize(("config", "count"), [(TINY, 2), (TINY, 4), (ALL_LEARN, 2)])
+def test_several_devices_train_as_one_does(config, count):
     """Races, parameters and everything logged, but for the order in which sums are rounded."""
-    trainer = Trainer(TINY, TRACKS["ring"], VEHICLES["paper"], jax.devices()[:count])
-    (one, measured), (many, found) = after_updates(tiny_trainer()), after_updates(trainer)
+    (one, measured), (many, found) = on_devices(config, 1), on_devices(config, count)
     assert many.races.step.sharding.num_devices == count
     assert measured["terminated"] > 0.002  # in the last update alone
     assert found.keys() == measured.keys()
@@ -70,9 +82,10 @@ def test_races_are_shared_equally(most, races, least, expected):
 
 
 def test_by_default_the_first_devices_share_the_races():
-    assert devices.choose_devices(4 * devices.LEAST_RACES) == jax.devices()[:4]
-    assert devices.choose_devices(3 * devices.LEAST_RACES) == jax.devices()[:3]
+    assert devices.choose_devices(4 * devices.LEAST_LEARNERS) == jax.devices()[:4]
+    assert devices.choose_devices(3 * devices.LEAST_LEARNERS) == jax.devices()[:3]
     assert devices.choose_devices(1) == jax.devices()[:1]
+    assert devices.choose_devices(devices.LEAST_LEARNERS, learners=2) == jax.devices()[:2]
 
 
 @pytest.mark.parametrize(("count", "message"), [(0, "from 1 to 4"), (5, "from 1 to 4"), (3, "cannot share 64 races")])

@@ -117,7 +117,7 @@ class Train:
         if not 1 <= self.episodes <= MAX_EPISODES:
             raise CruiseError(f"--episodes must be between 1 and {MAX_EPISODES}, not {self.episodes}")
         folder = self.resume or self.out or default_folder(config)
-        devices = choose_devices(config.ppo.races, self.devices)
+        devices = choose_devices(config.ppo.races, self.devices, config.learners)
         track = run_track(folder, config) if self.resume else training_track(config)
         if self.demonstrations is not None:
             config = self._imitate(folder, config, track)

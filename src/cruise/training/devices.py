@@ -13,7 +13,7 @@ from cruise.errors import CruiseError
 from cruise.training.types import OpponentPool, TrainState
 
 AXIS = "races"  # of the mesh
-LEAST_RACES = 64  # fewer per processor core cost more in messages than they save
+LEAST_LEARNERS = 64  # fewer drones that learn per processor core cost more in messages than they save
 
 
 def mean_over_devices(tree: Any, axis: str | None) -> Any:
@@ -37,8 +37,10 @@ def use_cores(cores: int | None = None) -> None:
         return
 
 
-def choose_devices(races: int, count: int | None = None) -> list[jax.Device]:
-    """The first `count` devices; by default as many as share `races`, on a processor with `LEAST_RACES` or more each.
+def choose_devices(races: int, count: int | None = None, learners: int = 1) -> list[jax.Device]:
+    """The first `count` devices; by default as many as share `races`, on a processor with enough of them each.
+
+    In each race so many drones learn.
 
     Raises:
         CruiseError: there are not so many, or they cannot share the races equally.
@@ -54,7 +56,7 @@ def choose_devices(races: int, count: int | None = None) -> list[jax.Device]:
         if races % count:
             raise CruiseError(f"{count} devices cannot share {races} races equally")
         return devices[:count]
-    least = LEAST_RACES if devices[0].platform == "cpu" else 1
+    least = -(-LEAST_LEARNERS // learners) if devices[0].platform == "cpu" else 1
     return devices[: shares(len(devices), races, least)]
 
 

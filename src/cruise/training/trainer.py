@@ -75,7 +75,7 @@ class Trainer:
         reward = make_reward(config.reward, find_reward_terms(config.reward_terms))
         self.env: RaceEnv = make_race_env(track, config.drones, vehicle, config.observation, reward, perturb)
         self.optimiser = make_optimiser(config.ppo, self.total_updates)
-        self.mesh = make_mesh(devices or choose_devices(config.ppo.races))
+        self.mesh = make_mesh(devices or choose_devices(config.ppo.races, learners=config.learners))
         if config.opponents.league and config.ppo.races // self.mesh.size % SHARES:
             raise CruiseError(f"with a league every device flies a multiple of {SHARES} races: change races or devices")
         if config.ppo.network == "gru" and config.ppo.races // self.mesh.size % config.ppo.minibatches:
