@@ -97,7 +97,7 @@ wheel-check: $(VENV)/.installed
 	@touch $@
 
 CELLS := ring-2 ring-3 ring-4 figure-eight-2 figure-eight-3 figure-eight-4 racer-ring racer-figure-eight \
-    racer-figure-eight-field racer-ring-sturdy racer-figure-eight-sturdy generalist crazyflie-ring
+    racer-figure-eight-field racer-ring-sturdy racer-figure-eight-sturdy generalist racer-uzh-2026 crazyflie-ring
 
 policies: $(VENV)/.installed $(CELLS:%=runs/%/policy.json)
 	@for cell in $(CELLS); do for kind in safetensors json; do \
@@ -166,6 +166,8 @@ TRAIN.racer-figure-eight-sturdy := $(STURDY) --track figure-eight --drones 1 --s
 # The recipe of today, on tracks that are drawn anew for ever.
 TRAIN.generalist := --vehicle racer --track any --drones 1 --step-scale 2 --epochs 2 --final-learning-rate 2e-5 --terminal -10 \
     --evaluate-every 2000000 --average-updates 80
+# The same for a field, on the benchmark of the University of Zurich.
+TRAIN.racer-uzh-2026 := --vehicle racer --track uzh-2026 --drones 8 --step-scale 3
 # Trained before frames cost more and partners were more.
 TRAIN.crazyflie-ring := $(ONE_LEARNS) --vehicle crazyflie --track ring --drones 4 --edge-margin 0.2 --w-edge 10 --sparring-share 0.1 \
     --gae-lambda 0.95 $(BODY)

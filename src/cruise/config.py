@@ -296,7 +296,7 @@ class Stage:
     """Theta_k, one row of the paper's curriculum table."""
 
     name: str
-    steps: int  # N_k, environment steps of the active drone
+    steps: int  # N_k, environment steps of all who learn
     v_min: float  # reference speed [m/s]
     agility: float  # alpha, scale of the action [m/s^2]
     collision_penalty: bool  # c_enable

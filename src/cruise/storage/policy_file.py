@@ -41,7 +41,7 @@ class PolicyMeta:
     vehicle: str | Vehicle  # name of the preset, or all numbers of a vehicle of one's own
     observation: ObservationKind
     agility: float  # scale of its actions
-    steps: int  # environment steps of the active drone in training
+    steps: int  # environment steps of all who learned in training
     seed: int  # of the training
     version: str  # of the program that trained it
     config: Any = field(default_factory=dict)  # of the run, resolved: a dataclass, read back as nested dictionaries
@@ -52,7 +52,7 @@ class PolicyMeta:
 
     @property
     def all_steps(self) -> int:
-        """Environment steps of the active drone since its networks were random."""
+        """Environment steps of all who learned since its networks were random."""
         return self.steps_before + self.steps
 
     @property

@@ -41,7 +41,7 @@ class Progress(NamedTuple):
 
     state: TrainState
     phase: Phase
-    steps: int  # environment steps of the active drone so far
+    steps: int  # environment steps of all who learn so far
     metrics: dict[str, Array]  # of the rollout and of the loss, scalars
     score: Score | None  # when this update was followed by an evaluation
     opponents_replaced: bool
