@@ -28,8 +28,8 @@ LINE_UPS = ((), ("chaser",), ("chaser", SCHEDULED))
 # What is raced, and the observation in whose frame actions are the vehicle's own.
 RACES = {
     "paper": ({"track": "ring", "vehicle": "paper", "sensing": "range", "randomise": 0.5}, "paper"),
-    "racer and crazyflie": ({"track": "ring", "vehicle": ["racer", "crazyflie"], "randomise": 0.3}, "body"),
-    "crazyflie": ({"track": "upenn-walls", "vehicle": "crazyflie", "sensing": "camera", "spread_starts": 0.5}, "body"),
+    "racer and crazyflie": ({"track": "ring", "vehicle": ["racer", "crazyflie"], "randomise": 0.3}, "racing-near"),
+    "crazyflie": ({"track": "upenn-walls", "vehicle": "crazyflie", "sensing": "camera", "spread_starts": 0.5}, "racing-near"),
 }
 ALL = list(itertools.product(RACES, LINE_UPS))
 # CRUISE_ALL_DOORS=1 for all nine through all doors, which takes minutes.
