@@ -29,7 +29,10 @@ LINE_UPS = ((), ("chaser",), ("chaser", SCHEDULED))
 RACES = {
     "paper": ({"track": "ring", "vehicle": "paper", "sensing": "range", "randomise": 0.5}, "paper"),
     "racer and crazyflie": ({"track": "ring", "vehicle": ["racer", "crazyflie"], "randomise": 0.3}, "racing-near"),
-    "crazyflie": ({"track": "upenn-walls", "vehicle": "crazyflie", "sensing": "camera", "spread_starts": 0.5}, "racing-near"),
+    "crazyflie": (
+        {"track": "upenn-walls", "vehicle": "crazyflie", "sensing": "camera", "spread_starts": 0.5},
+        "racing-near",
+    ),
 }
 ALL = list(itertools.product(RACES, LINE_UPS))
 # CRUISE_ALL_DOORS=1 for all nine through all doors, which takes minutes.

@@ -48,7 +48,7 @@ def forget():
 @pytest.mark.parametrize("vehicle", ["paper", "racer"])
 def test_trains_flies_and_is_written_down(vehicle, tmp_path, capsys):
     file, run = written(tmp_path, "extended" if vehicle == "paper" else "body"), tmp_path / "run"
-    flags = [{"0.0012": "0.00003" if vehicle == "paper" else "0.0001"}.get(flag, flag) for flag in TINY_FLAGS]
+    flags = [{"0.0012": "0.00003" if vehicle == "paper" else "0.00015"}.get(flag, flag) for flag in TINY_FLAGS]
     flags += ["--episodes", "1", "--vehicle", vehicle, "--out", str(run)]
     flags += ["--terms", str(file), "--observation", "informed", "--randomise", "0"]
     assert main(["train", *flags]) == 0

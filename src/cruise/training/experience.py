@@ -197,20 +197,20 @@ def make_collect(env: RaceEnv, config: TrainConfig) -> Collect:
             return (races, over, opponents, carries, theirs), (transition, _step_metrics(outcome, races))
 
         begun = (state.races, state.restart, state.opponents, state.carries, state.opponents_carry)
-        ended, (transitions, measured) = jax.lax.scan(step, begun, draws.noise)
+        lived: tuple[Transitions, dict[str, Array]]
+        ended, lived = jax.lax.scan(step, begun, draws.noise)
         races, over, opponents, carries, theirs = ended
         following = begin_again(races, start, over)
         last = judge(following)
         last = flat(env.observe(perceive(following))) if last is None else last
         _, last_value = model.critic.step(emptied(carries.critic, over), last)
         truncated = ~over & (races.step >= config.episode_steps)
-        metrics = {name: values.mean() for name, values in measured.items()}
+        metrics = {name: values.mean() for name, values in lived[1].items()}
         metrics["truncated"] = truncated.mean() / len(draws.noise)
         before = state.carries if model.has_memory else None
-        state = state._replace(
+        return state._replace(
             races=races, restart=over | truncated, opponents=opponents, carries=carries, opponents_carry=theirs
-        )
-        return state, Experience(transitions, last_value[0], metrics, before)
+        ), Experience(lived[0], last_value[0], metrics, before)
 
     return collect
 
