@@ -113,6 +113,7 @@ REWARDS: dict[str, RewardWeights] = {
         gate_bonus=1.0,
         w_edge=15.0,
         edge_margin=0.25,
+        w_beside=15.0,
         w_near=0.3,
         near_distance=1.5,
         terminal=-20.0,
@@ -211,7 +212,7 @@ def _agile_recipe(vehicle: Vehicle, drones: int) -> TrainConfig:
         drones=drones,
         observation="racing",
         critic_observation="racing-far",
-        reward=replace(REWARDS["agile"], w_beside=15.0),
+        reward=REWARDS["agile"],
         # With the value of a restart, a drone that starts low learns to dive and start anew.
         ppo=PPOConfig(
             gamma=0.995,
