@@ -51,6 +51,7 @@ speed: $(VENV)/.installed-dev
 
 pictures: $(VENV)/.installed-dev
 	$(BIN)/cruise race --html None --png docs/images/race.png
+	$(BIN)/cruise race --vehicle racer --track uzh-2026 --drones 8 --seed 3 --html None --png docs/images/uzh-2026.png
 	$(BIN)/cruise race --html None --png None --seed 2 --gif docs/images/race.gif --clip 0 14
 	$(BIN)/python -m docs.draw_replay
 
