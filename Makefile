@@ -98,7 +98,8 @@ wheel-check: $(VENV)/.installed
 	@touch $@
 
 CELLS := ring-2 ring-3 ring-4 figure-eight-2 figure-eight-3 figure-eight-4 racer-ring racer-figure-eight \
-    racer-figure-eight-field racer-ring-sturdy racer-figure-eight-sturdy generalist racer-uzh-2026 crazyflie-ring
+    racer-figure-eight-field racer-ring-sturdy racer-figure-eight-sturdy generalist racer-uzh-2026 kolibri-uzh-2026 \
+    crazyflie-ring
 
 policies: $(VENV)/.installed $(CELLS:%=runs/%/policy.json)
 	@for cell in $(CELLS); do for kind in safetensors json; do \
@@ -169,6 +170,7 @@ TRAIN.generalist := --vehicle racer --track any --drones 1 --step-scale 2 --epoc
     --evaluate-every 2000000 --average-updates 80
 # The same for a field, on the benchmark of the University of Zurich.
 TRAIN.racer-uzh-2026 := --vehicle racer --track uzh-2026 --drones 8 --step-scale 3
+TRAIN.kolibri-uzh-2026 := --vehicle kolibri --track uzh-2026 --drones 8 --step-scale 3
 # Trained before frames cost more and partners were more.
 TRAIN.crazyflie-ring := $(ONE_LEARNS) --vehicle crazyflie --track ring --drones 4 --edge-margin 0.2 --w-edge 10 --sparring-share 0.1 \
     --gae-lambda 0.95 $(BODY)
