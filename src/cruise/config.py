@@ -512,6 +512,12 @@ class TrainConfig:
         return self.drones if self.opponents.learners == "all" else 1
 
     @property
+    def others_fly(self) -> tuple[str, ...]:
+        """Options given that let opponents fly by other policies than the newest."""
+        given = {"against": self.against, "league": self.opponents.league}
+        return tuple(name for name, value in given.items() if value)
+
+    @property
     def steps_per_update(self) -> int:
         """Environment steps of all learners in one rollout."""
         return self.ppo.races * self.learners * self.ppo.rollout_steps

@@ -233,18 +233,13 @@ def _agile_recipe(vehicle: Vehicle, drones: int) -> TrainConfig:
 
 
 def _together(alone: TrainConfig) -> TrainConfig:
-    """Fields: all drones learn, as many in all as there are races of a drone alone."""
-    ppo = alone.ppo
+    """Fields: all drones learn, about as many in all as there are races of a drone alone."""
+    least = alone.ppo.rollout_steps
+    races = max(1, alone.ppo.races // alone.drones // least) * least  # so many that any few cores share them equally
     return replace(
         alone,
         observation="racing-near",  # who is far away must not disturb
-        ppo=replace(
-            ppo,
-            races=max(ppo.rollout_steps, ppo.races // alone.drones),
-            epochs=2,
-            final_learning_rate=2e-5,
-            average_updates=80,
-        ),
+        ppo=replace(alone.ppo, races=races, epochs=2, final_learning_rate=2e-5, average_updates=80),
         opponents=replace(alone.opponents, learners="all", evaluate_every=2_000_000),
         episode_steps=300,  # 6 s, because fields soon draw out
         spread_starts=0.5,

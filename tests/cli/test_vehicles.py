@@ -62,6 +62,7 @@ def test_where_others_fly_one_drone_learns():
         config = of_racer("4", *flags)
         assert (config.learners, config.ppo.races, config.opponents.learners) == (1, 512, "one")
         check_config(config)
+    assert [of_racer(str(n)).ppo.races for n in (2, 3, 5, 6, 7, 16)] == [256, 128, 64, 64, 64, 64]  # cores share them
     assert config_of("--drones", "4").learners == 1
 
 

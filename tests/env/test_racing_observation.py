@@ -99,6 +99,22 @@ def test_a_value_network_sees_the_same_and_more_gates() -> None:
         np.testing.assert_array_equal(far[name], value)
 
 
+def test_racing_near_is_the_same_but_that_who_is_far_away_fades() -> None:
+    """Whole within 3 m, gone beyond 6 m, in proportion between; of the rest every number is the same."""
+    (_, seen), (_, near) = seen_on("random"), seen_on("random", "racing-near")
+    scales = {entry.name: entry.scale for entry in race_env(4, TRACKS["random"]).layout("racing")}
+    assert near.keys() == seen.keys()
+    distance = 1 / np.maximum(np.stack([seen[f"opponent_{k}_nearness"][0] for k in (1, 2, 3)]), 1e-6) - 0.3
+    share = np.interp(distance, [3.0, 6.0], [1.0, 0.0])
+    assert all(((share == 0) & (distance < 1e3)).any(axis=(1, 2)))
+    assert (share == 1).any()
+    for name, value in seen.items():
+        _, _, number = name.partition("opponent_")
+        faded = share[int(number[0]) - 1] if number else 1.0
+        inside = np.abs(value) < 2.99 * scales[name]  # numbers are clipped after they fade
+        np.testing.assert_allclose(near[name][inside], (faded * value)[inside], atol=1e-3, err_msg=name)
+
+
 def test_alone_opponents_are_zeros() -> None:
     env = race_env(1)
     seen = by_term(env, random_race(env), "racing")

@@ -42,7 +42,8 @@ TINY = TrainConfig(
         evaluate_every=4 * PER_UPDATE, evaluation_races=RACES, evaluation_steps=30, patience=1, sparring_share=0.3
     ),
 )
-# The same from the command line.
+ALL_LEARN = replace(TINY, drones=3, opponents=replace(TINY.opponents, learners="all", vary_field=True))
+# The first from the command line.
 _FLAGS = (
     "--drones 2 --step-scale 0.0012 --episode-steps 24 --races 64 --rollout-steps 16 --minibatches 4 --hidden 16 16 "
     "--average-updates 3 --least-noise 0.7 --company-distance 3 --evaluate-every 4096 "

@@ -19,15 +19,14 @@ from cruise.training.types import TrainState, Transitions
 from cruise.training.validation import check_config
 from tests.training import reference
 from tests.training.replay import numpy_copy
-from tests.training.runs import RACES, STEPS, TINY, last_rules, moving, random_model
+from tests.training.runs import ALL_LEARN, RACES, STEPS, TINY, last_rules, moving, random_model
 
-DRONES = 3
-ALL = replace(TINY, drones=DRONES, opponents=replace(TINY.opponents, learners="all", vary_field=True))
+DRONES = ALL_LEARN.drones
 
 
 @functools.cache
 def trainer() -> Trainer:
-    return Trainer(ALL, TRACKS["ring"], VEHICLES["paper"])
+    return Trainer(ALL_LEARN, TRACKS["ring"], VEHICLES["paper"])
 
 
 @functools.cache
@@ -35,8 +34,8 @@ def rollout() -> tuple[TrainState, TrainState, Experience]:
     """(before, after, what was lived through): thrown drones, by a policy that crashes."""
     state = trainer().initial_state()
     state = state._replace(model=random_model(3, state.model), races=moving(state.races, 1))
-    draws = draw(trainer().env, jax.random.key(5), ALL)
-    after, experience = jax.jit(make_collect(trainer().env, ALL))(state, draws, last_rules(), jnp.asarray(False))
+    draws = draw(trainer().env, jax.random.key(5), ALL_LEARN)
+    after, experience = jax.jit(make_collect(trainer().env, ALL_LEARN))(state, draws, last_rules(), jnp.asarray(False))
     return state, after, experience
 
 
@@ -52,7 +51,7 @@ def test_a_rollout_is_what_the_environment_says_of_every_drone():
     env, lived, rules = trainer().env, experience.transitions, last_rules()
     step, observe = jax.jit(env.step), jax.jit(env.observe)
     races, restart = numpy_copy(before.races), np.array(before.restart)
-    starts = numpy_copy(draw(env, jax.random.key(5), ALL).start)
+    starts = numpy_copy(draw(env, jax.random.key(5), ALL_LEARN).start)
     by_hand = np.asarray(before.sparring.speed) > 0
     assert by_hand.any()
     sparred = jax.jit(functools.partial(_chasers, env))
@@ -104,7 +103,7 @@ def made_up(after_crash: str) -> tuple[Experience, Transitions]:
 @pytest.mark.parametrize("after_crash", ["restart", "nothing"])
 def test_a_race_that_another_ended_is_as_if_the_rollout_had_ended_there(after_crash):
     experience, lived = made_up(after_crash)
-    config = replace(ALL.ppo, after_crash=after_crash)
+    config = replace(ALL_LEARN.ppo, after_crash=after_crash)
     reward, value, crashed = (np.asarray(x)[:, 0] for x in (lived.reward, lived.value, lived.terminated))
     first = reference.advantages(reward[:5], value[:5], crashed[:5], value[5], config)
     second = reference.advantages(reward[6:], value[6:], crashed[6:], 0.3, config)
@@ -127,7 +126,7 @@ def spoiled(experience: Experience) -> Experience:
 def test_nothing_is_learned_from_who_does_not_fly(company):
     """Loss, its gradient and what is logged are those of the steps that count, whatever stands in the others."""
     before, _, experience = rollout()
-    config = replace(ALL.ppo, company_distance=company)
+    config = replace(ALL_LEARN.ppo, company_distance=company)
     found = []
     for lived in (experience, spoiled(experience)):
         batch = make_batch(lived, config)
@@ -140,7 +139,7 @@ def test_nothing_is_learned_from_who_does_not_fly(company):
 
 def test_the_loss_is_that_of_the_steps_that_count():
     before, _, experience = rollout()
-    config = replace(ALL.ppo, company_distance=0.0)
+    config = replace(ALL_LEARN.ppo, company_distance=0.0)
     batch = make_batch(experience, config)
     minibatch_of, units = make_minibatches(batch, config, None)
     picked = minibatch_of(jnp.arange(units))
@@ -156,12 +155,12 @@ def test_the_loss_is_that_of_the_steps_that_count():
 
 def test_steps_are_those_of_all_who_learn():
     assert trainer().steps_per_update == DRONES * RACES * STEPS
-    assert replace(ALL, opponents=TINY.opponents).steps_per_update == RACES * STEPS
+    assert replace(ALL_LEARN, opponents=TINY.opponents).steps_per_update == RACES * STEPS
 
 
 def test_a_run_learns_from_all_and_goes_on():
     """A few updates: finite, and the policy of the run is no longer the one it began with."""
-    run = Trainer(replace(ALL, step_scale=0.001), TRACKS["ring"], VEHICLES["paper"])
+    run = Trainer(replace(ALL_LEARN, step_scale=0.001), TRACKS["ring"], VEHICLES["paper"])
     *_, last = run.run(run.initial_state())
     assert last.steps == run.total_steps
     assert float(jnp.abs(last.state.model.log_std - run.initial_state().model.log_std).max()) > 1e-3
@@ -171,11 +170,11 @@ def test_a_run_learns_from_all_and_goes_on():
     ("changes", "fault"),
     [
         ({"against": "ring-2"}, "leaves against no drone to fly"),
-        ({"opponents": replace(ALL.opponents, league=4)}, "leaves league no drone to fly"),
-        ({"ppo": replace(ALL.ppo, network="gru")}, "needs a policy without memory"),
+        ({"opponents": replace(ALL_LEARN.opponents, league=4)}, "leaves league no drone to fly"),
+        ({"ppo": replace(ALL_LEARN.ppo, network="gru")}, "needs a policy without memory"),
     ],
 )
 def test_what_does_not_go_with_it_is_told(changes, fault):
     with pytest.raises(CruiseError, match=fault):
-        check_config(replace(ALL, **changes))
-    check_config(replace(ALL, drones=1, **{k: v for k, v in changes.items() if k != "against"}))
+        check_config(replace(ALL_LEARN, **changes))
+    check_config(replace(ALL_LEARN, drones=1, **{k: v for k, v in changes.items() if k != "against"}))

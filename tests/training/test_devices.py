@@ -1,7 +1,6 @@
 """The same training on one device and on several."""
 
 import functools
-from dataclasses import replace
 
 import jax
 import jax.numpy as jnp
@@ -14,7 +13,7 @@ from cruise.presets import TRACKS, VEHICLES
 from cruise.training import devices
 from cruise.training.trainer import Trainer
 from cruise.training.types import TrainState
-from tests.training.runs import TINY, last_rules, moving, tiny_trainer
+from tests.training.runs import ALL_LEARN, TINY, last_rules, moving, tiny_trainer
 
 UPDATES = 2
 
@@ -30,9 +29,6 @@ def after_updates(trainer: Trainer) -> tuple[TrainState, dict[str, float]]:
     for _ in range(UPDATES):
         state, metrics = trainer.update(state, last_rules(), np.asarray(False))
     return state, {name: float(value) for name, value in metrics.items()}
-
-
-ALL_LEARN = replace(TINY, drones=3, opponents=replace(TINY.opponents, learners="all", vary_field=True))
 
 
 @functools.cache

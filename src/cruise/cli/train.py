@@ -82,10 +82,9 @@ class Train:
         A policy that learning starts from, or flies against, decides what both networks observe: it knows nothing else.
         Where policies of before fly, or one with a memory learns, one drone of a race does.
         """
-        vehicle, opponents = find_vehicle(asked.config.vehicle), asked.config.opponents
+        vehicle = find_vehicle(asked.config.vehicle)
         config = training_config(vehicle, asked.config.drones)
-        others_fly = bool(asked.config.against or opponents.league or opponents.founders)
-        if others_fly or asked.config.ppo.network == "gru":
+        if asked.config.others_fly or asked.config.ppo.network == "gru":
             config = with_one_learner(config)
         others = (asked.config.start_from, asked.config.against, *asked.config.opponents.founders)
         if known := next(filter(None, others), ""):

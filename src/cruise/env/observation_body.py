@@ -73,14 +73,18 @@ def _opponent(place: int, notice: float) -> tuple[Term, ...]:
         _term(f"{name}_motion", 3, "velocity minus own", "m/s", OUTDOORS.speed, fn=functools.partial(_motion, place)),
         _term(f"{name}_present", 1, PRESENT, low=0.0, fn=functools.partial(_present, place)),
     )
-    return terms if math.isinf(notice) else tuple(fading(term, place, notice) for term in terms)
+    return fading(terms, place, notice)
 
 
 PRESENT = "1; 0, as all of it, where there is none"
 
 
-def fading(term: Term, place: int, notice: float) -> Term:
-    """The term of an opponent, less and less from half the distance `notice` on, nothing beyond it."""
+def fading(terms: tuple[Term, ...], place: int, notice: float) -> tuple[Term, ...]:
+    """The terms of an opponent, less and less from half the distance `notice` on, nothing beyond it."""
+    return terms if math.isinf(notice) else tuple(_fading(term, place, notice) for term in terms)
+
+
+def _fading(term: Term, place: int, notice: float) -> Term:
     return dataclasses.replace(term, fn=lambda view: noticed(view.nearest(place).separation, notice) * term.fn(view))
 
 

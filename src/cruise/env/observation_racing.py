@@ -13,7 +13,7 @@ import math
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from cruise.env.observation_body import GATES_AHEAD, GATES_FAR_AHEAD, NEAREST, body_terms, fading
+from cruise.env.observation_body import GATES_AHEAD, GATES_FAR_AHEAD, NEAREST, NOTICE, body_terms, fading
 from cruise.env.view import LAST, View
 from cruise.terms import Observation, Setting, Term
 from cruise.vector import dot, norm
@@ -77,7 +77,7 @@ def _opponent(place: int, notice: float) -> tuple[Term, ...]:
         Term(f"{name}_opening", 1, "how fast its distance grows", "m/s", CLOSING, frame="body", fn=closing),
         Term(f"{name}_nearness", 1, near, "1/m", frame="body", low=0.0, fn=nearness),
     )
-    return terms if math.isinf(notice) else tuple(fading(term, place, notice) for term in terms)
+    return fading(terms, place, notice)
 
 
 def _direction(ahead: int, view: View) -> Float[Array, "3 N *B"]:
@@ -133,7 +133,7 @@ RACING, RACING_NEAR, RACING_FAR = (
             math.inf,
             "As `body`, and where drone and opponents are as the gates see them: for any track and field.",
         ),
-        ("racing-near", GATES_AHEAD, 6.0, "As `racing`, but who is far away is not seen."),
+        ("racing-near", GATES_AHEAD, NOTICE["body-near"], "As `racing`, but who is far away is not seen."),
         (
             "racing-far",
             GATES_FAR_AHEAD,

@@ -117,11 +117,13 @@ class View(Sharing):
 
     def gate_index(self, ahead: int = 0) -> Int[Array, "N *B"]:
         """Which gate is the target, or so many after it; `LAST` is the one before it."""
-        ahead %= self.num_gates  # none of them is negative, whatever remainder is taken
-        if is_plain() and ahead:
-            later = self.state.next_gate + ahead
-            return jax.lax.rem(later, jnp.full_like(later, self.num_gates))
-        return self.state.next_gate if ahead == 0 else (self.state.next_gate + ahead) % self.num_gates
+        if ahead == 0:
+            return self.state.next_gate
+        later = self.state.next_gate + ahead
+        if not is_plain():
+            return later % self.num_gates
+        gates = jnp.full_like(later, self.num_gates)  # no remainder of it by itself: an export may not know it
+        return jax.lax.rem(later + gates if ahead < 0 else later, gates)
 
     def gate(self, ahead: int = 0) -> Opening:
         """The target gate of every drone, or the one so many after it."""

@@ -102,10 +102,8 @@ def _recurrent_faults(ppo: PPOConfig) -> Iterator[str]:
 
 def _shared_faults(config: TrainConfig) -> Iterator[str]:
     """Of races in which every drone learns."""
-    others = {"against": bool(config.against), "league": bool(config.opponents.league)}
-    for name, given in others.items():
-        if given:
-            yield f"learners 'all' leaves {name} no drone to fly: leave out {name}, or let one learn"
+    for name in config.others_fly:
+        yield f"learners 'all' leaves {name} no drone to fly: leave out {name}, or let one learn"
     if config.ppo.network == "gru":
         yield "learners 'all' needs a policy without memory: network 'mlp'"
 
